@@ -55,7 +55,7 @@ ROWS = (  # docs/studies/experiments.csv: what, of the thesis, here
     ),
     (
         "force along a path, soft servo, Table 3.1 errors (Fig. 5.7)",
-        "150 N ([derived](notes/parameters.md#experiment))",
+        "150 N ([derived](notes/plant.md#experiment))",
         "{low:.0f} to {high:.0f} N",
     ),
     ("the same, everything on", "-", "{full_low:.0f} to {full_high:.0f} N"),

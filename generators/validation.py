@@ -35,7 +35,7 @@ the thesis are on [Claims](claims.md).
 
 TCP errors are those of the unloaded robot over held-out poses, base frames aligned
 ([Conventions](conventions.md)), in mm, mean / largest. "Everything on" is every error source of a
-real cell at the sizes of the [parameter notes](notes/parameters.md), drawn for each robot, but
+real cell at the sizes of the [parameter notes](notes/plant.md), drawn for each robot, but
 thermal growth, which a check on a held-out recording cannot tell from a wrong robot. "Stated" is
 one stated standard deviation; "over stated" is the error over it, root mean square over the
 robots; sought are 0.8 to 1.2. "Held" is the share of 95 % intervals that hold the truth; sought

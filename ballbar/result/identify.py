@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from ballbar.acquisition.pose_tables import PoseImport
 from ballbar.acquisition.recording import Recording
-from ballbar.cell.descriptions import Cell
+from ballbar.cell.descriptions import Cell, same_contents
 from ballbar.cell.errors import InputError
 from ballbar.cell.foreign_text import printable
 from ballbar.cell.load import load_cell, load_measured_cell
@@ -112,7 +112,7 @@ def _from_recordings(
     _check_force(options, [*recordings, *tried])
     still = _joined(tables) if tables else None
     logs = [logs_of(name, recording) for name, recording in recordings]
-    cell = cell or _cell_of(recordings[0][1])
+    cell = _cell_of(recordings, cell)
     result = identify_together(cell, logs, still, options=options, listener=listener)
     validations = tuple(_validated(result, *other, options, listener) for other in tried)
     for validation in validations:
@@ -161,11 +161,18 @@ def _from_poses(
     )
 
 
-def _cell_of(recording: Recording) -> Cell:
-    """The cell that recording.yaml names."""
-    named = recording.description
+def _cell_of(recordings: Sequence[Moving], given: Cell | None) -> Cell:
+    """The cell that recording.yaml names; of arrays alone, the one that was given with them."""
+    described = [r for _, r in recordings if r.folder is not None]
+    if given is not None and not described:
+        return given
+    named, folder = described[0].description, described[0].folder
     load = load_measured_cell if named.ballbar is None else load_cell
-    return load(named.robot, named.measured_by, named.plate, relative_to=recording.folder)
+    cell = load(named.robot, named.measured_by, named.plate, relative_to=folder)
+    if given is not None and not same_contents(cell, given):
+        what = "describes another robot, ball-bar or plate than `cell`, which arrays came with."
+        raise InputError.at(folder, what, "One fit is of one cell.")
+    return cell
 
 
 def _joined(tables: Sequence[Still]) -> PoseTable:
@@ -270,7 +277,8 @@ def _check_options(options: FitOptions, recordings: Sequence[Moving]) -> None:
 def _check_one_robot(tables: Sequence[PoseImport]) -> None:
     for content in tables:
         first, own = tables[0].table.robot, content.table.robot
-        if own.title != first.title:
+        arrays = content.file is None or tables[0].file is None
+        if own.title != first.title or (arrays and not same_contents(own, first)):
             places = [_place(table) or table.table.name for table in (content, tables[0])]
             what = f"is of robot {own.title}, {places[1]} of {first.title}."
             remedy = "Tables that belong together must be of one robot."

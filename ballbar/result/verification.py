@@ -13,8 +13,9 @@ from rich.markup import escape
 from ballbar.acquisition.pose_tables import PoseImport
 from ballbar.acquisition.recording import Recording
 from ballbar.acquisition.report import ImportReport, finding_line
-from ballbar.cell.descriptions import Cell
+from ballbar.cell.descriptions import Cell, Robot, same_contents
 from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_chain
 from ballbar.ident.machine_at_rest import arm_at_rest, table_at_rest
 from ballbar.ident.options import SILENT, Listener
 from ballbar.ident.single_causes import Explanation
@@ -55,7 +56,7 @@ def verify(
         if isinstance(read, PoseImport):
             outcome = _verify_poses(stored, read)
         else:
-            outcome = _verify_recording(stored, read, listener)
+            outcome = _verify_recording(stored, read, cell, listener)
     except (PoseStartError, StartError) as error:
         place = thing if isinstance(thing, str | PathLike) else "what was measured"
         raise InputError(f"{place}: cannot be held against {stored.path}: {error}") from None
@@ -65,7 +66,7 @@ def verify(
 def _verify_poses(calibration: Calibration, read: PoseImport) -> Verification:
     """Still poses; a machine that recordings identified is held at rest."""
     folder = None if read.file is None else read.file.parent
-    _check_same(calibration, folder, {"robot": read.description.robot})
+    _check_same(calibration, folder, {"robot": read.description.robot}, read.table.robot)
     table, targets = read.table, calibration.targets
     if calibration.of_logs:
         machine = calibration.machine(calibration.cell())
@@ -86,11 +87,11 @@ def _spread_of_groups(file: CalibrationFile) -> float:
 
 
 def _verify_recording(
-    calibration: Calibration, recording: Recording, listener: Listener
+    calibration: Calibration, recording: Recording, cell: Cell | None, listener: Listener
 ) -> Verification:
     content, recorded = calibration.file_of_logs(), recording.description
     names = {"robot": recorded.robot, "instrument": recorded.measured_by, "plate": recorded.plate}
-    _check_same(calibration, recording.folder, names)
+    _check_same(calibration, recording.folder, names, None if cell is None else cell.robot)
     logs = logs_of(distinct_names([recording])[0], recording)
     outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
     warmth = temperature_remarks(content, recorded.temperature_C)
@@ -120,8 +121,14 @@ def temperature_remarks(content: CalibrationFile, now: float | None) -> tuple[st
     )
 
 
-def _check_same(calibration: Calibration, folder: Path | None, names: dict[str, str]) -> None:
-    """names : of the descriptions in a folder, by the keys of calibration.yaml."""
+def _check_same(
+    calibration: Calibration, folder: Path | None, names: dict[str, str], robot: Robot | None
+) -> None:
+    """names : of the descriptions in a folder, by the keys of its file. robot : of arrays."""
+    known = nominal_chain(calibration.robot)
+    if robot is not None and not same_contents(nominal_chain(robot), known):
+        what = f"has other nominal DH parameters than that of {calibration.path}."
+        raise InputError.at(f"robot {robot.name}", what, "A result is tried on the same robot.")
     for key, here in names.items():
         name, file = getattr(calibration.file, key), calibration.path
         if description_identity(here, folder) != description_identity(name, file.parent):

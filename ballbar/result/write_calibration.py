@@ -7,7 +7,6 @@ not lost to a check of the program's own.
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterable
 from operator import attrgetter, methodcaller
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import same_contents
 from ballbar.cell.errors import InputError
 from ballbar.cell.files import copied_description, write_yaml
 from ballbar.cell.rotation import rotvec_from_matrix
@@ -319,9 +319,7 @@ def _require_shipped(run: RunData, file: CalibrationFile) -> None:
     """Raises InputError unless the names in a file stand for what the arrays were given with."""
     named = Calibration(file).identified_robot().description
     given = run.identification.robot.identified.description
-    with np.printoptions(floatmode="unique", threshold=sys.maxsize):  # every digit
-        same = repr(given) == repr(named)
-    if not same:
+    if not same_contents(given, named):
         raise InputError(
             f"{file.robot} is not the robot of that name that is shipped, or ball-bar or plate are "
             "not, and calibration.yaml can name only descriptions in files. Write them as YAML, "

@@ -39,7 +39,7 @@ description files in `cell/`; do not edit.
 A key carries its unit in its name. One that is not given takes its default. An error source is
 absent unless a scenario names it: `errors: {joint_compliance: {}}` switches one on at its default
 size. An unknown key, a value out of range or a wrong kind is refused with the file's line.
-`extends` and `--set`: [Vary and reuse files](how_to/reuse_files.md).
+`extends` and `--set`: [Vary and reuse files](how_to/run_a_sweep.md#set-a-value-or-extend-a-file).
 
 What differs from unit to unit is drawn from the scenario's seed, each source from a stream of its
 own, so switching one on leaves all others bit-identical. z is a standard normal draw, phi a drawn

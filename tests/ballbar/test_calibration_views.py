@@ -76,6 +76,23 @@ def test_arrays_give_what_their_recording_gives(fresh: Calibration, recorded: Re
     assert given.to_frame().loc[""].equals(fresh.to_frame().loc[""])
 
 
+def test_a_cell_that_differs_from_the_files_is_refused(
+    saved: Path, recorded: Recorded, poses: PoseTable, still: Calibration
+) -> None:
+    cell, read = recorded.simulation.cell, ballbar.read(recorded.folder)
+    longer = replace(cell.robot, a=cell.robot.a + np.array([0, 1e-9, 0, 0, 0, 0]))
+    logs, other = Logs(read.robot_log, read.ballbar_log), replace(cell, robot=longer)
+    with pytest.raises(InputError, match="describes another robot, ball-bar or plate than `cell`"):
+        ballbar.identify(recorded.folder, logs, cell=other)
+    with pytest.raises(InputError, match="robot irb2400: has other nominal DH parameters"):
+        ballbar.verify(saved, logs, cell=other)
+    own = replace(poses, robot=replace(poses.robot, a=poses.robot.a + 1e-9))
+    with pytest.raises(InputError, match="must be of one robot"):
+        ballbar.identify(poses, own)
+    with pytest.raises(InputError, match="robot ur10: has other nominal DH parameters"):
+        ballbar.verify(still, own)
+
+
 def test_the_table_of_parameters_is_near_the_truth_and_stands_in_the_file(
     fresh: Calibration, saved: Path, recorded: Recorded
 ) -> None:

@@ -71,8 +71,8 @@ def test_the_pages_show_commands_of_every_kind() -> None:
         "README.md",
         "tutorial.md",
         "run_a_sweep.md",
-        "export_and_correct.md",
-        "record_live.md",
+        "use_of_results.md",
+        "recorder.md",
         "command_line.md",
     }
 

@@ -215,7 +215,7 @@ def test_without_encoders_a_sound_log_has_no_suspect_and_another_robot_is_named(
 @pytest.mark.slow
 @pytest.mark.parametrize("encoders", [ENCODERS, (1, 2), (1, 2, 3, 4, 5)])
 def test_robots_that_are_not_calibrated_are_not_suspected(encoders: tuple[int, ...]) -> None:
-    """DH errors of 3 mm and mrad, three times those of an industrial robot (notes/start)."""
+    """DH errors of 3 mm and mrad, three times those of an industrial robot."""
     rng = np.random.default_rng(5)
     table = NOMINAL.table
     names = [n for n in table.robot if n not in table.gauge and n != table.plate]
