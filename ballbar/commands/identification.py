@@ -126,10 +126,7 @@ def _beside(recording: Path) -> Path:
 
 
 def _options(corrections: str, joint_errors: str, **options: object) -> FitOptions:
-    """The options of the fit, checked by the schema of scenarios.
-
-    joint_errors : `auto`, `none`, or the path of a calibration whose joint errors are kept.
-    """
+    """The options of the fit, checked by the schema of scenarios."""
     from pydantic import ValidationError
 
     from ballbar.cell.schema_errors import explain
