@@ -379,7 +379,7 @@ def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_pa
             address for pair in loaded for address in pair if address.startswith(("http", "//"))
         ], page.name
     assert ">errors.rod_backlash<" in (tmp_path / "site/scenario_reference.html").read_text(), (
-        "Markdown in its table is read"
+        "every source has a heading"
     )
     for notebook in GALLERY:
         page = (tmp_path / "site/gallery" / notebook.with_suffix(".html").name).read_text()
