@@ -144,7 +144,7 @@ with stop_signals_blocked():
     pass
 with on_stop_signals(lambda: print("stopped")):
     os.kill(os.getpid(), signal.SIGBREAK)
-def started(command, **options):
+def started(*_, **options):
     print(beside.END, options["creationflags"])
 subprocess.Popen = started
 process_apart(["viewer"])
