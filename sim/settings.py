@@ -7,23 +7,25 @@ the scenario reference.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.errors import InputError
 from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.plugins import PluginTable
 from ballbar.cell.schema import NotNegative, Positive, Strict
 from ballbar.cell.schema_errors import missing_key, wrong_key
 from ballbar.sim.errors import sensor_errors
+from ballbar.sim.errors.base import AngleErrorSource
 from ballbar.sim.errors.plant_errors import PlantErrors
 from ballbar.sim.errors.pose_errors import ArmErrors, Drift, InstrumentNoise, Rounding, Unsettled
 from ballbar.sim.errors.sample_errors import SampleErrors
 from ballbar.sim.errors.static_errors import CellErrors
 from ballbar.sim.logging.load_logs import DeviceLogs, OpticalTracker
-from ballbar.sim.streams import recording_seed
+from ballbar.sim.streams import recording_seed, stream
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
@@ -150,6 +152,18 @@ class ErrorSettings(CellErrors, PlantErrors, ArmErrors, sensor_errors.SensorErro
     unsettled: Unsettled | None = None
     rounding: Rounding | None = None
     drift: Drift | None = None
+
+
+PLUGINS = PluginTable[Any](
+    "error_sources", ErrorSettings.model_fields, lambda kind: issubclass(kind, AngleErrorSource)
+)
+if not TYPE_CHECKING:
+    ErrorSettings = create_model(
+        "ErrorSettings",
+        __base__=ErrorSettings,
+        __module__=__name__,
+        **{name: (PLUGINS[name] | None, None) for name in PLUGINS.added},
+    )
 
 
 class EncoderSettings(Strict):
@@ -343,6 +357,17 @@ class SimulationSettings(Strict):
     def recording_seed(self) -> int:
         """Seed of noise, clocks and lost rows."""
         return recording_seed(self.seed, self.recording)
+
+    def shown(self, q: Array) -> Array:
+        """(N, J) [rad] logged in place of q (N, J) [rad] by the error sources of plug-ins."""
+        for name in PLUGINS.added:
+            if source := getattr(self.errors, name):
+                machine, noise = (
+                    stream(self.seed, name),
+                    stream(self.recording_seed, name + "_noise"),
+                )
+                q = source.shown(q, machine, noise)
+        return q
 
     def tracker(self, instrument: Instrument | None) -> OpticalTracker | None:
         """How the log of a tracker is made; None without one.

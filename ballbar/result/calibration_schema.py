@@ -143,7 +143,7 @@ class CalibrationFile(Strict):
         valid = POSE_CORRECTIONS if of_poses else OF_MACHINE
         for name in self.corrections:
             if name not in valid:
-                what = "still poses" if of_poses else "results"
+                what = "still poses" if of_poses else "results, or of a plug-in that is installed"
                 hint = nearest(name, valid, noun="name")
                 raise wrong_key("corrections", name, message=f"no correction of {what}.{hint}")
         return self

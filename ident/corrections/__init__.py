@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import zip_longest
 
 from ballbar.cell.descriptions import Cell, Key, Robot
 from ballbar.cell.errors import InputError
+from ballbar.cell.plugins import PluginTable
 from ballbar.ident.corrections.base import Correction, Maker
 from ballbar.ident.corrections.bearing_tilt import bearing_tilt
 from ballbar.ident.corrections.encoder_harmonics import encoder_harmonics
@@ -29,7 +32,7 @@ from ballbar.ident.corrections.typical_gears import (
 )
 from ballbar.ident.corrections.unit_weights import unit_weights_of_cell
 
-CORRECTIONS: dict[str, Maker] = {
+OWN: dict[str, Maker] = {
     "joint_compliance": joint_compliance,
     "gear_backlash": gear_backlash,
     "gear_ripple": gear_ripple,
@@ -44,6 +47,8 @@ CORRECTIONS: dict[str, Maker] = {
     "joint_lag": joint_lag,
     GEAR_RATIO: gear_ratio,
 }
+# With those of plug-ins, which a fit has where they are named.
+CORRECTIONS = PluginTable("corrections", OWN)
 
 # What holds for single recordings, by cell and number of recordings.
 OF_RECORDINGS: dict[str, Callable[[Cell, int], Correction]] = {
@@ -84,7 +89,7 @@ def supported_corrections(robot: Robot, *, rod_sensed: bool = False) -> list[str
     without = corrections_without_data(robot)
     return [
         name
-        for name in CORRECTIONS
+        for name in OWN
         if name not in without
         and name not in ON_EVIDENCE
         and (name not in SUBSTITUTES or SUBSTITUTES[name] in without)
@@ -110,7 +115,8 @@ def correction_named(
 ) -> Correction:
     """A correction for a cell.
 
-    Raises InputError if the robot's file lacks what it needs, or the cell has no rigid rod.
+    Raises InputError if the robot's file lacks what it needs, the cell has no rigid rod, or a
+    plug-in makes one of another name.
     """
     for key in REQUIRED.get(name, ()):
         cell.robot.required(key)
@@ -121,11 +127,19 @@ def correction_named(
         )
     if name in OF_RECORDINGS:
         return OF_RECORDINGS[name](cell, recordings)
-    return CORRECTIONS[name](cell, encoders)
+    made = CORRECTIONS[name](cell, encoders)
+    if made.name != name:
+        raise InputError(
+            f"plug-in {name}: its correction calls itself {made.name}. Name it {name}."
+        )
+    again = partial(correction_named, name, cell, encoders)  # to be pickled
+    return made if made.made_by else replace(made, made_by=again)
 
 
 # The machine's, which results keep: slips and remounted tools are a recording's.
-OF_MACHINE = (*CORRECTIONS, JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION)
+OF_MACHINE = PluginTable(
+    "corrections", dict.fromkeys((*OWN, JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION))
+)
 
 
 def belongs_to_machine(correction: Correction) -> bool:
