@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, TypeVar
 
 from ballbar.cell.errors import InputError
-
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
 
 T_co = TypeVar("T_co", covariant=True)
 # Name and version of the distributions whose plug-ins this process has loaded.
@@ -33,8 +31,6 @@ class PluginTable(Mapping[str, T_co]):
     @cached_property
     def added(self) -> dict[str, EntryPoint]:
         """Entry points of the plug-ins by name. Raises InputError for a name of two."""
-        from importlib.metadata import entry_points  # noqa: PLC0415  slow, and rarely needed
-
         added: dict[str, EntryPoint] = {}
         for point in entry_points(group=self.group):
             other = added.get(point.name)

@@ -286,15 +286,15 @@ class PosesSettings(Strict):
         return self
 
 
+def _errors(*parts: type[Strict], but: str = "") -> tuple[str, ...]:
+    """Keys of the error sources of some parts, but one."""
+    return tuple(f"errors.{name}" for part in parts for name in part.model_fields if name != but)
+
+
 # Keys that belong to one kind of scenario: each with what it needs (`refuse_keys`).
 OF_BALLBAR = (
     *("encoders", "clocks.overrun_probability", "logs.force_sensor", "logs.ballbar"),
-    *(
-        f"errors.{name}"
-        for name in sensor_errors.SensorErrors.model_fields
-        if name != "resolver_error"
-    ),
-    *(f"errors.{name}" for name in SampleErrors.model_fields),
+    *_errors(sensor_errors.SensorErrors, SampleErrors, but="resolver_error"),
     *("errors.ballbar_axes", "errors.base_tilt", "errors.rod_strain", "errors.rod_backlash"),
     *("errors.bar_friction", "errors.base_compliance", "errors.outliers", "cell.ballbar_set"),
 )
@@ -302,21 +302,14 @@ OF_LENGTH = ("length", *(f"plant.{name}" for name in RodAndWire.model_fields))
 OF_PATH = (
     *("cell.ballbar", "cell.plate", "cell.ballbar_position_m", "cell.ballbar_set"),
     *("encoders", "length", "clocks", "logs", "recording"),
-    *(
-        f"plant.{name}"
-        for name in ("timestep_s", "servo", "gravity_compensation", "typical_spread")
-    ),
-    *(
-        f"errors.{name}"
-        for part in (CellErrors, PlantErrors, sensor_errors.SensorErrors, SampleErrors)
-        for name in part.model_fields
-        if name != "joint_compliance"
-    ),
+    *("plant.timestep_s", "plant.servo", "plant.gravity_compensation", "plant.typical_spread"),
+    *_errors(CellErrors, PlantErrors, but="joint_compliance"),
+    *_errors(sensor_errors.SensorErrors, SampleErrors),
     *("errors.joint_lag", "errors.outliers.robot_probability"),
     *("errors.outliers.ballbar_probability", "errors.outliers.size_rad"),
 )
 OF_POSES = (
-    *(f"errors.{name}" for name in ArmErrors.model_fields),
+    *_errors(ArmErrors),
     *("errors.instrument_noise", "errors.unsettled", "errors.rounding", "errors.drift"),
     *("errors.outliers.share", "errors.outliers.size_m"),
 )
@@ -362,11 +355,8 @@ class SimulationSettings(Strict):
         """(N, J) [rad] logged in place of q (N, J) [rad] by the error sources of plug-ins."""
         for name in PLUGINS.added:
             if source := getattr(self.errors, name):
-                machine, noise = (
-                    stream(self.seed, name),
-                    stream(self.recording_seed, name + "_noise"),
-                )
-                q = source.shown(q, machine, noise)
+                noise = stream(self.recording_seed, f"{name}_noise")
+                q = source.shown(q, stream(self.seed, name), noise)
         return q
 
     def tracker(self, instrument: Instrument | None) -> OpticalTracker | None:

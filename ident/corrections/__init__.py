@@ -10,7 +10,7 @@ from itertools import zip_longest
 from ballbar.cell.descriptions import Cell, Key, Robot
 from ballbar.cell.errors import InputError
 from ballbar.cell.plugins import PluginTable
-from ballbar.ident.corrections.base import Correction, Maker
+from ballbar.ident.corrections.base import Correction, Maker, of_robot
 from ballbar.ident.corrections.bearing_tilt import bearing_tilt
 from ballbar.ident.corrections.encoder_harmonics import encoder_harmonics
 from ballbar.ident.corrections.gear_backlash import gear_backlash
@@ -30,21 +30,21 @@ from ballbar.ident.corrections.typical_gears import (
     typical_compliance,
     typical_friction,
 )
-from ballbar.ident.corrections.unit_weights import unit_weights_of_cell
+from ballbar.ident.corrections.unit_weights import unit_weights
 
 OWN: dict[str, Maker] = {
-    "joint_compliance": joint_compliance,
-    "gear_backlash": gear_backlash,
-    "gear_ripple": gear_ripple,
+    "joint_compliance": of_robot(joint_compliance),
+    "gear_backlash": of_robot(gear_backlash),
+    "gear_ripple": of_robot(gear_ripple),
     "encoder_harmonics": encoder_harmonics,
     "rod_strain": rod_strain,
     "plate_bending": plate_bending,
-    "unit_weights": unit_weights_of_cell,
+    "unit_weights": of_robot(unit_weights),
     "typical_compliance": typical_compliance,
     "typical_backlash": typical_backlash,
     "typical_friction": typical_friction,
     "bearing_tilt": bearing_tilt,
-    "joint_lag": joint_lag,
+    "joint_lag": of_robot(joint_lag),
     GEAR_RATIO: gear_ratio,
 }
 # With those of plug-ins, which a fit has where they are named.
@@ -126,14 +126,12 @@ def correction_named(
             "measures a length. Leave it out."
         )
     if name in OF_RECORDINGS:
-        return OF_RECORDINGS[name](cell, recordings)
-    made = CORRECTIONS[name](cell, encoders)
+        made = OF_RECORDINGS[name](cell, recordings)
+    else:
+        made = CORRECTIONS[name](cell, encoders)
     if made.name != name:
-        raise InputError(
-            f"plug-in {name}: its correction calls itself {made.name}. Name it {name}."
-        )
-    again = partial(correction_named, name, cell, encoders)  # to be pickled
-    return made if made.made_by else replace(made, made_by=again)
+        raise InputError(f"plug-in {name}: its correction calls itself {made.name}. Rename it.")
+    return replace(made, made_by=partial(correction_named, name, cell, encoders, recordings))
 
 
 # The machine's, which results keep: slips and remounted tools are a recording's.

@@ -40,8 +40,8 @@ def test_published_gears_lie_within_the_priors_of_a_robot_of_their_size(name: st
 def test_their_coefficients_are_not_taken_for_those_of_a_file() -> None:
     """A complete robot gives the same gears and values, under names of their own."""
     for typical, stated in (
-        (typical_compliance(CELL, ()), joint_compliance(CELL, ())),
-        (typical_backlash(CELL, ()), gear_backlash(CELL, ())),
+        (typical_compliance(CELL, ()), joint_compliance(CELL.robot)),
+        (typical_backlash(CELL, ()), gear_backlash(CELL.robot)),
     ):
         own, other = typical.coefficients, stated.coefficients
         assert [c.name for c in own] == [f"typical_{c.name}" for c in other]
