@@ -248,7 +248,7 @@ def _robot_log(settings: SimulationSettings, cell: Cell, q: Array) -> Array:
     robot, errors, seed = cell.robot, settings.errors, settings.seed
     gears = q @ robot.joint_to_gear
     ripple = plant_effects(errors, cell, seed).transmission_error(gears)
-    shown = settings.shown((gears - ripple) @ robot.gear_to_joint)
+    shown = (gears - ripple) @ robot.gear_to_joint
     resolvers = resolver_effects(errors.resolver_error, joints=robot.joints, seed=seed)
     motors = motor_angles(robot, shown, errors, resolvers, settings.recording_seed)
     return np.asarray(motors @ robot.transmission)

@@ -75,7 +75,7 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
 def _write_robot(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
     robot, times, seed = simulation.cell.robot, simulation.times, settings.recording_seed
     rows, torques = simulation.rows.robot, None
-    q = settings.shown(simulation.motion.shown_at(times.robot_true))
+    q = simulation.motion.shown_at(times.robot_true)
     motors = motor_angles(robot, q, settings.errors, simulation.resolvers, seed)
     if log := settings.logs.torque:
         loads = simulation.truth.logs.loads

@@ -19,13 +19,13 @@ from ballbar.cell.plugins import PluginTable
 from ballbar.cell.schema import NotNegative, Positive, Strict
 from ballbar.cell.schema_errors import missing_key, wrong_key
 from ballbar.sim.errors import sensor_errors
-from ballbar.sim.errors.base import AngleErrorSource
+from ballbar.sim.errors.base import ErrorSource
 from ballbar.sim.errors.plant_errors import PlantErrors
 from ballbar.sim.errors.pose_errors import ArmErrors, Drift, InstrumentNoise, Rounding, Unsettled
 from ballbar.sim.errors.sample_errors import SampleErrors
 from ballbar.sim.errors.static_errors import CellErrors
 from ballbar.sim.logging.load_logs import DeviceLogs, OpticalTracker
-from ballbar.sim.streams import recording_seed, stream
+from ballbar.sim.streams import recording_seed
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
@@ -155,7 +155,7 @@ class ErrorSettings(CellErrors, PlantErrors, ArmErrors, sensor_errors.SensorErro
 
 
 PLUGINS = PluginTable[Any](
-    "error_sources", ErrorSettings.model_fields, lambda kind: issubclass(kind, AngleErrorSource)
+    "error_sources", ErrorSettings.model_fields, lambda kind: issubclass(kind, ErrorSource)
 )
 if not TYPE_CHECKING:
     ErrorSettings = create_model(
@@ -350,14 +350,6 @@ class SimulationSettings(Strict):
     def recording_seed(self) -> int:
         """Seed of noise, clocks and lost rows."""
         return recording_seed(self.seed, self.recording)
-
-    def shown(self, q: Array) -> Array:
-        """(N, J) [rad] logged in place of q (N, J) [rad] by the error sources of plug-ins."""
-        for name in PLUGINS.added:
-            if source := getattr(self.errors, name):
-                noise = stream(self.recording_seed, f"{name}_noise")
-                q = source.shown(q, stream(self.seed, name), noise)
-        return q
 
     def tracker(self, instrument: Instrument | None) -> OpticalTracker | None:
         """How the log of a tracker is made; None without one.

@@ -107,9 +107,7 @@ def simulate_poses(settings: SimulationSettings, *, relative_to: Path) -> PoseSi
     poses = np.empty((int(order.max()) + 1, robot.joints))
     poses[order] = shown
     read, early = unsettled(errors, poses, seed)
-    settled, hurried = (
-        logged_axes(arm, errors, settings.shown(q), seed)[order] for q in (poses, read)
-    )
+    settled, hurried = (logged_axes(arm, errors, q, seed)[order] for q in (poses, read))
     too_early = early[order] & (later == later.min())  # at the target that is read first
     axes = np.where(too_early[:, None], hurried, settled)
     names = np.array([(stand.seat, stand.target) for stand in stands for _ in stand.q])[rows]

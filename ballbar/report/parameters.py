@@ -246,9 +246,11 @@ def _condensed(
 
 
 def _harmonic_name(base: str) -> str:
-    """`ripple1_40` as `gear 1, 40 a turn`."""
+    """`ripple1_40` as `gear 1, 40 a turn`; another name as it is."""
     channel, _, order = base.partition("_")
     kind = channel.rstrip("0123456789")
+    if kind not in _CHANNELS:
+        return base
     return f"{_CHANNELS[kind]}{channel[len(kind) :]}, {order} a turn"
 
 

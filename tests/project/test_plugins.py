@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 from collections.abc import Callable
@@ -19,16 +20,18 @@ __all__ = ["python", "wheel"]  # fixtures: ballbar by its wheel, alone in an env
 pytestmark = pytest.mark.slow
 
 EXAMPLE = ROOT / "examples" / "plugin"
-BEND = 2.0e-3  # [1/rad] of the sensor of axis 1
-MOVING = f"""name: bent
+BELT = 2.0e-4  # [rad] amplitude of the pitch error
+CORRECTIONS = "rod_strain,belt_ripple"
+MOVING = f"""name: belt
 cell: {{robot: irb2400, ballbar: lund_600, ballbar_position_m: [0.70, 0.0, 0.54]}}
 path: {{kind: lissajous, file: {ROOT}/scenarios/paths/irb2400_a.yaml, duration_s: 40, dwell_s: 2}}
 plant: {{kind: kinematic}}
 errors:
   static: {{table: thesis_3_1}}
   joint_noise: {{sigma_rad: 1.0e-5}}
-  bent_scale: {{bend_per_rad: {BEND}}}
+  belt_ripple: {{amplitude_rad: {BELT}}}
 encoders: {{noise_sigma_rad: 1.0e-5}}
+identify: {{corrections: [rod_strain, belt_ripple]}}
 seed: 3
 """
 STILL = """name: cameras
@@ -53,7 +56,7 @@ from ballbar.cell.load import load_cell
 from ballbar.ident.corrections import correction_named
 
 if __name__ == "__main__":
-    made = correction_named("bent_scale", load_cell("irb2400", "lund_600", "plate_250"), ())
+    made = correction_named("belt_ripple", load_cell("irb2400", "lund_600", "plate_250"), ())
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         print(pool.submit(getattr, made, "sentence").result())
 """
@@ -85,17 +88,17 @@ def ballbar(python: Path, folder: Path) -> Ballbar:
 
 @pytest.fixture(scope="module")
 def recording(ballbar: Ballbar, folder: Path) -> Path:
-    """A recording of a robot whose sensor of axis 1 is not linear."""
-    (folder / "bent.yaml").write_text(MOVING)
-    ballbar("simulate", "bent.yaml", "--out", "recording")
+    """A recording of a robot with a toothed belt at axis 1."""
+    (folder / "belt.yaml").write_text(MOVING)
+    ballbar("simulate", "belt.yaml", "--out", "recording")
     return folder / "recording"
 
 
 @pytest.fixture(scope="module")
 def result(ballbar: Ballbar, folder: Path, recording: Path) -> Path:
     """The identification with the correction of it."""
-    words = ("--corrections", "rod_strain,bent_scale", "--out", "result")
-    assert "bent_scale" in ballbar("identify", recording, *words)
+    words = ("--corrections", CORRECTIONS, "--out", "result")
+    assert "belt_ripple" in ballbar("identify", recording, *words)
     return folder / "result"
 
 
@@ -115,24 +118,36 @@ def test_an_instrument_of_a_plugin_identifies_a_robot_at_still_poses(
 
 def test_an_error_source_of_a_plugin_is_found_again_by_its_correction(result: Path) -> None:
     """By its size, which the calibration file and the report state."""
-    entry = load_yaml(result / "calibration.yaml").data["corrections"]["bent_scale"]["bend1"]
-    assert entry["sigma"] < 1e-5
-    assert abs(entry["value"] - BEND) < 4.0 * entry["sigma"]
+    stated = load_yaml(result / "calibration.yaml").data["corrections"]["belt_ripple"]
+    waves = [stated[name] for name in ("belt1_sin", "belt1_cos")]
+    sigma = max(wave["sigma"] for wave in waves)
+    assert sigma < 0.01 * BELT
+    assert abs(np.hypot(*(wave["value"] for wave in waves)) - BELT) < 4.0 * sigma
     report = (result / "report.html").read_text()
-    assert "Bent scale of axis 1" in report
+    assert "Pitch error of the belt" in report
     assert "ballbar-example 1.0" in " ".join(report.split())
 
 
-def test_help_and_schema_name_what_plugins_add(ballbar: Ballbar) -> None:
-    assert "bent_scale" in "".join(ballbar("identify", "--help").split("│"))
-    assert "errors.bent_scale" in ballbar("run", "--help")
-    schema = ballbar("schema", "scenario")
-    assert "bend_per_rad" in schema
-    assert "Error at 1 rad from zero." in schema
+def test_the_truth_of_a_run_states_the_errors_of_a_plugin(ballbar: Ballbar, result: Path) -> None:
+    """The identified robot is compared with one that has them: without the correction it is off."""
+    words = ("--truth", "recording.truth.yaml", "--json")
+    ballbar("identify", "recording", "--corrections", "rod_strain", "--out", "without")
+    errors = [json.loads(ballbar("compare", r, *words)) for r in (result, "without")]
+    found, without = (error["tcp_error_m"]["mean"] for error in errors)
+    assert found < 2e-5 < 5.0 * found < without
+
+
+def test_help_and_schema_name_what_plugins_add(ballbar: Ballbar, folder: Path) -> None:
+    assert "belt_ripple" in "".join(ballbar("identify", "--help").split("│"))
+    assert "errors.belt_ripple" in ballbar("run", "--help")
+    ballbar("schema", "--out", "schemas")
+    schema = (folder / "schemas/scenario.schema.json").read_text()
+    assert "The belt of axis 1 has a pitch error." in schema
+    assert "Cycles per turn of the axis." in schema
 
 
 def test_keys_that_no_plugin_has_are_refused(python: Path, folder: Path) -> None:
-    wrong = {"bent_scale:": "bent_scael:", "bend_per_rad": "bent_per_rad"}
+    wrong = {"belt_ripple:": "belt_riple:", "amplitude_rad": "amplitud_rad"}
     for key, other in wrong.items():
         (folder / "wrong.yaml").write_text(MOVING.replace(key, other))
         with pytest.raises(AssertionError, match=f"Did you mean {key.strip(':')}"):
@@ -155,7 +170,7 @@ def test_a_recording_in_a_container_of_a_plugin_is_the_same_recording(
     content = load_yaml(other / "recording.yaml").data
     content["sources"]["robot"] = {"files": ["raw/robot.npy"], "dialect": "npy.yaml"}
     write_yaml(other / "recording.yaml", content)
-    ballbar("identify", other, "--corrections", "rod_strain,bent_scale", "--out", "other-result")
+    ballbar("identify", other, "--corrections", CORRECTIONS, "--out", "other-result")
     read, expected = (
         load_yaml(where / "calibration.yaml").data["parameters"]
         for where in (folder / "other-result", result)
@@ -172,4 +187,4 @@ def test_a_result_is_written_in_a_format_of_a_plugin(ballbar: Ballbar, result: P
 
 def test_a_worker_process_has_the_plugins_too(python: Path, folder: Path) -> None:
     (folder / "spawned.py").write_text(SPAWNED)
-    assert "bent scale of axis 1" in run(python, "spawned.py", cwd=folder)
+    assert "pitch error of the belt" in run(python, "spawned.py", cwd=folder)

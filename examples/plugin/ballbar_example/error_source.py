@@ -1,17 +1,19 @@
-"""The sensor of axis 1 is not linear: actual angle = shown angle + bend * (shown angle)^2."""
+"""The belt of axis 1 in a simulation; its phase is drawn."""
 
 import numpy as np
 
-from ballbar.cell.arrays import Array
-from ballbar.sim.errors.base import AngleErrorSource
+from ballbar.cell.schema import NotNegative
+from ballbar.sim.errors.base import ErrorSource, GearHarmonics
 
 
-class BentScale(AngleErrorSource):
-    """The sensor of axis 1 is not linear."""
+class BeltRipple(ErrorSource):
+    """The belt of axis 1 has a pitch error."""
 
-    bend_per_rad: float = 1e-3
-    """Error at 1 rad from zero."""
+    teeth: NotNegative = 17.0
+    """Cycles per turn of the axis."""
+    amplitude_rad: NotNegative = 1.0e-4
+    """Amplitude at the axis."""
 
-    def shown(self, q: Array, *_: np.random.Generator) -> Array:
-        shown = 2.0 * q[:, :1] / (1.0 + np.sqrt(1.0 + 4.0 * self.bend_per_rad * q[:, :1]))
-        return np.hstack((shown, q[:, 1:]))
+    def ripples(self, _joints: int, rng: np.random.Generator) -> GearHarmonics:
+        """One harmonic of gear 0."""
+        yield 0, self.teeth, self.amplitude_rad, rng.uniform(0.0, 2.0 * np.pi)
