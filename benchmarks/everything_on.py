@@ -2,13 +2,14 @@
 
     python -m benchmarks.everything_on               # 12 IRB 2400, all load signals; ten minutes
     python -m benchmarks.everything_on --robot nj220 --signals torque
+    python -m benchmarks.everything_on --robot nj220,irb2400 --first 13 --signals torque --out FILE
 
 Every robot has its own geometry (1 mm, 1 mrad), plate, ball-bar axes, masses, stiffness, backlash,
 ripple, one order of it in no list, encoders and gains; its two recordings share all of that. Writes
-docs/studies/everything_on_ROBOT_COUNT.csv, a row for each robot and load signal. `scale known` is
-the error without the scale that plate and ball-bar axes leave open. Stated uncertainty is wrong in
-both directions: too small (ratio above, intervals below the target) and too large. `bound_mm` is
-what it would be by priors and white noise alone, as planning predicts it.
+docs/studies/everything_on_ROBOT_COUNT.csv, or --out, a row for each robot and load signal. `scale
+known` is the error without the scale that plate and ball-bar axes leave open. Stated uncertainty is
+wrong in both directions: too small (ratio above, intervals below the target) and too large.
+`bound_mm` is what it would be by priors and white noise alone, as planning predicts it.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ COLUMNS = (
 def robot_rows(
     robot: str, seed: int, signals: tuple[str, ...], duration: float
 ) -> list[dict[str, object]]:
-    """All rows of one robot: both paths with each signal, and the first path alone without any."""
+    """All rows of one robot: both paths with each signal, and of none the first path alone too."""
     with tempfile.TemporaryDirectory() as folder:
         made = [recorded(scenario_of(robot, p, seed, duration), Path(folder) / p) for p in "ab"]
     cell, truth = made[0][0], made[0][2]
@@ -55,6 +56,8 @@ def robot_rows(
         options = FitOptions(model="complete", force=FORCES[force], rod_sigma=rod_sigma)
         found = identify_together(stands, logs, options=options)
         rows.append(row(robot, seed, "a+b", signal, found, [m[2] for m in made]))
+    if "none" not in signals:
+        return rows
     alone = identify_together(
         cell, [made[0][1]], options=FitOptions(model="complete", force="none")
     )
@@ -87,7 +90,7 @@ def row(
     )
     wrong = np.abs(share - 1.0)
     clocks = [
-        (abs(f.clock.offset - t.offset), abs(f.clock.skew - t.skew))
+        (abs(f.clock.offset - t.clock.offset_s), abs(f.clock.skew - t.clock.skew))
         for f, t in zip(found.recordings, truths, strict=True)
         if f.clock
     ]
@@ -116,33 +119,34 @@ def row(
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
     parser = study_parser(__doc__)
-    parser.add_argument("--robot", default="irb2400")
-    parser.add_argument("--robots", type=int, default=12)
+    parser.add_argument("--robot", default="irb2400", help="names, by comma")
+    parser.add_argument("--robots", type=int, default=12, help="of each name")
+    parser.add_argument("--first", type=int, default=1, help="seed of the first")
     parser.add_argument("--signals", default="none,torque,sensor,torque+rod")
     parser.add_argument("--duration", type=float, default=120.0)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     signals = tuple(options.signals.split(","))
     rows: list[dict[str, object]] = []
     with ProcessPoolExecutor(options.workers) as pool:
         jobs = [
-            pool.submit(robot_rows, options.robot, seed, signals, options.duration)
-            for seed in range(1, options.robots + 1)
+            pool.submit(robot_rows, robot, seed, signals, options.duration)
+            for robot in options.robot.split(",")
+            for seed in range(options.first, options.first + options.robots)
         ]
         for job in jobs:
             rows += job.result()
-            said = (
-                f"{r['paths']} {r['signal']} {r['tcp_mean_mm']:.4f}"
-                for r in rows[-len(signals) - 1 :]
-            )
-            print(f"robot {rows[-1]['seed']}: {', '.join(said)}", flush=True)
-    out = STUDIES / f"everything_on_{options.robot}_{options.robots}.csv"
+            said = (f"{r['paths']} {r['signal']} {r['tcp_mean_mm']:.4f}" for r in job.result())
+            print(f"{rows[-1]['robot']} {rows[-1]['seed']}: {', '.join(said)}", flush=True)
+    out = options.out or STUDIES / f"everything_on_{options.robot}_{options.robots}.csv"
     write_table(out, rows, ".5g")
-    for paths, signal in sorted({(str(r["paths"]), str(r["signal"])) for r in rows}):
-        _say(paths, signal, [r for r in rows if r["paths"] == paths and r["signal"] == signal])
+    kinds = [(str(r["robot"]), str(r["paths"]), str(r["signal"])) for r in rows]
+    for kind in sorted(set(kinds)):
+        _say(kind, [row for row, own in zip(rows, kinds, strict=True) if own == kind])
 
 
-def _say(paths: str, signal: str, rows: list[dict[str, object]]) -> None:
+def _say(kind: tuple[str, str, str], rows: list[dict[str, object]]) -> None:
     def column(name: str) -> np.ndarray:
         return np.array([r[name] for r in rows], dtype=float)
 
@@ -155,7 +159,7 @@ def _say(paths: str, signal: str, rows: list[dict[str, object]]) -> None:
 
     covered = {kind: column(f"{kind}_covered") for kind in ("geometry", "stiffness")}
     print(
-        f"{paths:4} {signal:12} TCP mean / max [mm]: {millimetres('tcp')}; "
+        f"{kind[0]} {kind[1]:4} {kind[2]:12} TCP mean / max [mm]: {millimetres('tcp')}; "
         f"scale known: {millimetres('scale_known')}; "
         f"stated sigma {np.median(column('tcp_sigma_mm')):.4f}, "
         f"of which priors and white noise alone {np.median(column('bound_mm')):.4f}\n"

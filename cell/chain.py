@@ -16,6 +16,7 @@ vector operations.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,7 @@ class Frames:
     origin: Array  # (J+1, 3, N) [m]
     x_link: Array  # (J, 3, N) x axis of row i before its Hayati angle: the axis of a_i and alpha_i
 
-    def part(self, samples: slice | NDArray[np.bool_]) -> Frames:
+    def part(self, samples: slice | NDArray[Any]) -> Frames:
         """The frames at some of the samples."""
         return Frames(*(getattr(self, field.name)[..., samples] for field in fields(self)))
 

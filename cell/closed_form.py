@@ -8,7 +8,7 @@ shift along these axes tells axis 1, their direction in the tool's frame axes 5 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -17,6 +17,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.chain import Chain, forward
 from ballbar.cell.errors import InputError
 
+ELBOWS = (1.0, -1.0)  # up and down
 REACHED = 1e-9  # [m, rad] of a pose that is taken, and of offsets that are none
 # [rad] twists of the arms that have a closed form; with s = -1 alpha_4 and alpha_5 are mirrored
 _SPHERICAL = np.array([-1.0, 0.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)
@@ -31,21 +32,21 @@ def has_closed_form(chain: Chain) -> bool:
     return _is_spherical(chain, _SPHERICAL) or _is_spherical(chain, _mirrored(_SPHERICAL))
 
 
-def robot_branches(chain: Chain, poses: Array) -> Array:
+def robot_branches(chain: Chain, poses: Array, elbows: Sequence[float] = ELBOWS) -> Array:
     """Joint angles of the nominal robot in its four configurations with the arm in front.
 
-    poses : (N, 4, 4) tool frames in the base frame.
+    poses : (N, 4, 4) tool frames in the base frame. elbows : those of ELBOWS that are asked for.
 
-    Returns (4, N, 6) [rad] in the order elbow up and wrist +, up and -, down and +, down and -; NaN
-    where a pose is out of reach, or where the wrist is exactly singular. Raises InputError for a
-    robot of another structure (ballbar.cell.numerical_inverse).
+    Returns (4, N, 6) [rad] in the order elbow up and wrist +, up and -, down and +, down and -, or
+    two of them for one elbow; NaN where a pose is out of reach, or where the wrist is exactly
+    singular. Raises InputError for a robot of another structure (ballbar.cell.numerical_inverse).
     """
     if not has_closed_form(chain):
         raise InputError(
             "angles in closed form are those of nominal robots of six axes with parallel axes 2 "
             "and 3 and a spherical wrist, and this robot is built otherwise"
         )
-    return _reaching(chain, _in_front(chain, poses), poses)
+    return _reaching(chain, _in_front(chain, poses, elbows=elbows), poses)
 
 
 def arm_branches(chain: Chain, poses: Array, *, beyond: float = 0.0) -> Array | None:
@@ -149,11 +150,11 @@ def _held(ratio: Array, beyond: float) -> Array:
 
 
 def _planar(
-    x: Array, y: Array, upper: float, fore: float, beyond: float
+    x: Array, y: Array, upper: float, fore: float, beyond: float, elbows: Sequence[float] = ELBOWS
 ) -> Iterator[tuple[Array, Array]]:
     """Both angles [rad] of two links from the origin to (x, y), elbow + and -."""
     cosine = (x**2 + y**2 - upper**2 - fore**2) / (2.0 * upper * fore)
-    for elbow in (1.0, -1.0):
+    for elbow in elbows:
         bend = elbow * np.arccos(_held(cosine, beyond))
         inner = np.arctan2(fore * np.sin(bend), upper + fore * np.cos(bend))
         yield np.arctan2(y, x) - inner, bend
@@ -165,7 +166,13 @@ def _spherical(chain: Chain, poses: Array, beyond: float) -> Array:
     return np.concatenate(tuple(sides))
 
 
-def _in_front(chain: Chain, poses: Array, beyond: float = 0.0, side: float = 1.0) -> Array:
+def _in_front(
+    chain: Chain,
+    poses: Array,
+    beyond: float = 0.0,
+    side: float = 1.0,
+    elbows: Sequence[float] = ELBOWS,
+) -> Array:
     """(4, N, 6) [rad] of the arm with spherical wrist."""
     rotation, wrist = poses[:, :3, :3], _before_last(chain, poses)
     shoulder = np.arctan2(side * wrist[:, 1], side * wrist[:, 0])
@@ -174,7 +181,7 @@ def _in_front(chain: Chain, poses: Array, beyond: float = 0.0, side: float = 1.0
     fore_angle = np.arctan2(chain.d[3], chain.a[2])
     fore = float(np.hypot(chain.a[2], chain.d[3]))
     solutions = []
-    for theta2, bend in _planar(forward_reach, down, chain.a[1], fore, beyond):
+    for theta2, bend in _planar(forward_reach, down, chain.a[1], fore, beyond, elbows):
         arm = np.stack((shoulder, theta2, bend - fore_angle), axis=1) - chain.theta[:3]
         solutions += _wrists(chain, rotation, arm)
     return np.stack(solutions)

@@ -34,7 +34,9 @@ class RobotLog:
     q: Array  # (N, J) [rad] joint angles, DH convention
     torque: Array | None = None  # (N, J) [N m] of the motors, at the gears' outputs
     segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
-    flags: NDArray[np.uint32] | None = None  # (N,) acquisition.flags of the row; None: no remarks
+    flags: NDArray[np.uint32] | None = (
+        None  # (N,) ballbar.acquisition.flags of the row; None: no remarks
+    )
 
     def __post_init__(self) -> None:
         _protect(self)
@@ -55,7 +57,9 @@ class BallBarLog:
     angles: Array  # (N, E) [rad] unwrapped, declared direction applied, offset unknown
     joints: tuple[int, ...]  # (E,) the joint that each column measures, 1..5, increasing
     segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock and counter reference
-    flags: NDArray[np.uint32] | None = None  # (N,) acquisition.flags of the row; None: no remarks
+    flags: NDArray[np.uint32] | None = (
+        None  # (N,) ballbar.acquisition.flags of the row; None: no remarks
+    )
 
     def __post_init__(self) -> None:
         _protect(self)
@@ -74,7 +78,9 @@ class LengthLog:
     t: Array  # (N,) [s] from the first row, strictly increasing
     length: Array  # (N,) [m] as read: the declared zero included, the sensor's own error not
     segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
-    flags: NDArray[np.uint32] | None = None  # (N,) acquisition.flags of the row; None: no remarks
+    flags: NDArray[np.uint32] | None = (
+        None  # (N,) ballbar.acquisition.flags of the row; None: no remarks
+    )
 
     def __post_init__(self) -> None:
         _protect(self)

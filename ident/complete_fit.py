@@ -423,7 +423,7 @@ def with_tension(
     loaded : whether any correction needs loads. source : as of Logs.force_source.
     """
     old, logs = recording.samples, recording.logs
-    geometry, clock = recording.geometry, recording.clock
+    geometry, clock = recording.as_built, recording.clock
     times = close_times(old, clock, SPACING) if loaded else old.times
     new = samples_of(old.robot, old.ballbar, old.encoders, old.directions, times)
     new = replace(new, clock_steps=clock_steps)

@@ -256,10 +256,10 @@ def _payload(
     if not logged:
         return None
     torques = [
-        logged_torque(cell, r.samples, r.geometry, r.clock, r.logs.robot, most=PAYLOAD_TIMES)
+        logged_torque(cell, r.samples, r.as_built, r.clock, r.logs.robot, most=PAYLOAD_TIMES)
         for r in logged
     ]
-    return payload_of_recordings(cell, [r.geometry for r in logged], torques)
+    return payload_of_recordings(cell, [r.as_built for r in logged], torques)
 
 
 def _asks_for_more(simple: Identification) -> bool:

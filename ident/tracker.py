@@ -34,7 +34,6 @@ from ballbar.cell.rotation import matrix_from_rotvec
 from ballbar.cell.splines import DEGREE
 from ballbar.cell.statistics import rms
 from ballbar.ident.estimator.model import Evaluation
-from ballbar.ident.loads.gear_loads import BEARINGS
 from ballbar.ident.signals.motion import MotionByLog
 from ballbar.ident.signals.smooth_log import SmoothLog, motion_of
 from ballbar.ident.start.followed import SCAN_STEP, likely_offsets, poses_at_rows
@@ -170,9 +169,7 @@ def _followed(
     loads, state, samples = None, point.state, point.recording
     t, first = np.unique(point.robot_time, return_index=True)
     if state is not None:
-        bearing = state.loads.bearings(state.tension).reshape(2 * BEARINGS, -1)
-        every = np.concatenate((state.loads.gears(state.tension), bearing))
-        loads = make_interp_spline(t, every[:, first].T, k=3)
+        loads = state.loads.part(first).over_time(t, state.tension[first])
     motion = MotionByLog(name or "tracker", samples.robot, clock, loads)
     group = poses_at_rows(log, smooth, motion)
     at = np.asarray(clock.robot_time(np.asarray(group.time)))

@@ -22,7 +22,7 @@ from scipy.linalg.blas import dsyrk
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.clock import Clock
-from ballbar.cell.geometry import BAR_ROWS, bar_frames, nominal_geometry, robot_frames
+from ballbar.cell.geometry import BAR_ROWS, nominal_geometry
 from ballbar.ident.corrections.base import State
 from ballbar.ident.estimator.build_unknowns import RecordingStart
 from ballbar.ident.estimator.closure import Closure
@@ -83,7 +83,7 @@ def coarse_predictor(on: Predictor, *, samples: int = SAMPLES) -> CoarsePredicto
 def coarse_normals(
     coarse: CoarsePredictor, trajectory: Trajectory, carried: Loads | None, tension: Array
 ) -> Iterator[Array]:
-    """(P, P) information of each run of a trajectory.
+    """(P, P) information of each run of a trajectory, in the upper triangle.
 
     carried : loads along it, where they are known. tension : (N,) [N] of the rod.
     """
@@ -104,8 +104,8 @@ def coarse_normals(
     values = whole_jacobian(model, x, 0, point, weights)
     values = values.reshape(*values.shape[:2], trajectory.runs, -1)
     for run in range(trajectory.runs):
-        half = dsyrk(1.0, values[:, :, run].reshape(x.size, -1).T, trans=1)
-        yield coarse.prior + half + np.triu(half, 1).T
+        whitened = values[:, :, run].reshape(x.size, -1).T
+        yield dsyrk(on.samples / of_run.size, whitened, beta=1.0, c=coarse.prior, trans=1)
 
 
 def _closed(model: Model, trajectory: Trajectory, carried: Loads | None) -> Evaluation:
@@ -116,7 +116,10 @@ def _closed(model: Model, trajectory: Trajectory, carried: Loads | None) -> Eval
     error = np.zeros((6, trajectory.t.size))
     if model.corrections:
         if carried is None and model.masses is not None:
-            carried = loads(model.masses, nominal, q, b, speed, bend)
+            frames = (trajectory.robot, trajectory.bar)
+            carried = loads(
+                model.masses, nominal, q=q, b=b, speed=speed, acceleration=bend, frames=frames
+            )
         state = State(
             t=samples.times,
             recording=0,
@@ -130,7 +133,7 @@ def _closed(model: Model, trajectory: Trajectory, carried: Loads | None) -> Eval
         )
     return _Planned(
         samples=samples,
-        closure=Closure(nominal, robot_frames(nominal, q), bar_frames(nominal, b), error),
+        closure=Closure(nominal, trajectory.robot, trajectory.bar, error),
         ballbar=b,
         gearing=model.gearing,
         clock=Clock(0.0, 0.0),

@@ -31,7 +31,7 @@ from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.ident.estimator.normal_equations import normal_equations
 from ballbar.ident.estimator.sample_times import DWELL_KEPT
 from ballbar.ident.estimator.samples import Samples
-from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.estimator.unknowns import PlacedPoses, Unknowns
 from ballbar.ident.loads.gear_loads import MassModel, mass_model
 from ballbar.ident.loads.logged_tension import tension_splines
 from ballbar.ident.options import DEFAULT_SAMPLES
@@ -186,7 +186,10 @@ def predictor(
 
 
 def planned_unknowns(
-    on: Predictor, nominal: Geometry, recordings: Sequence[RecordingStart]
+    on: Predictor,
+    nominal: Geometry,
+    recordings: Sequence[RecordingStart],
+    beside: PlacedPoses | None = None,
 ) -> tuple[Unknowns, Array]:
     """Unknowns of the complete model, and start (P,) [SI]; the scale is exact if `on` says so.
 
@@ -201,6 +204,7 @@ def planned_unknowns(
         on.corrections,
         measured_force=False,
         rod_sigma=on.sensors.rod_sigma_m,
+        still=beside,
     )
     if not on.exact_scale:
         return layout, x
@@ -213,12 +217,19 @@ def planned_unknowns(
 
 
 def predict(
-    on: Predictor, trajectory: Passage, tension: Array, previous: PathPrediction | None = None
+    on: Predictor,
+    trajectory: Passage,
+    tension: Array,
+    previous: PathPrediction | None = None,
+    *,
+    beside: PlacedPoses | None = None,
+    unexplained: ExcessNoise | None = None,
 ) -> PathPrediction:
     """The prediction of a trajectory.
 
     tension : (N,) [N] of the rod at the trajectory's times. previous : prediction of the same
-        trajectory with another tension, whose loads per newton are reused.
+        trajectory with another tension, whose loads per newton are reused. beside : what a tracker
+        beside the ball-bar measures, and what the model leaves unexplained of it.
     """
     samples = samples_along(on, trajectory)
     begin = RecordingStart(
@@ -228,14 +239,20 @@ def predict(
         samples.splines.shape[0],
         on.tension_sigma,
     )
-    layout, x = planned_unknowns(on, trajectory.nominal, [begin])
+    layout, x = planned_unknowns(on, trajectory.nominal, [begin], beside)
     knots, t = layout.own[0].knots, samples.times
     if knots is not None:
         x[knots] = on.to_knots @ np.interp(t, trajectory.t, tension)
-    model = Model(gearing(on.cell.robot), on.masses, on.corrections, layout, (samples,))
-    bar = np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)
+    table, excess = None if beside is None else beside.table, excess_noise(on)
+    model = Model(
+        gearing(on.cell.robot), on.masses, on.corrections, layout, (samples,), table=table
+    )
+    bars = [np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)]
+    if unexplained is not None:
+        excess = replace(excess, position=unexplained.position, rotation=unexplained.rotation)
+        bars.append(np.zeros((0, 0)))
     points = previous.points if previous else ()
-    linear = normal_equations(model, x, [bar], excess_noise(on), previous=points)
+    linear = normal_equations(model, x, bars, excess, previous=points)
     return PathPrediction(
         layout=layout,
         model=model,
@@ -251,12 +268,6 @@ def before(on: Predictor, layout: Unknowns) -> Array:
     if on.known is None:
         return np.diag(layout.sigma**-2.0)
     return on.known.normal(layout, on.cell)
-
-
-def predictions(on: Predictor, trajectory: Passage, tensions: Array) -> tuple[PathPrediction, ...]:
-    """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
-    first = predict(on, trajectory, tensions[0])
-    return (first, *(predict(on, trajectory, tension, first) for tension in tensions[1:]))
 
 
 def excess_noise(on: Predictor) -> ExcessNoise:

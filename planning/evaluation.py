@@ -8,10 +8,10 @@ errors: a report looks at several robots.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.closed_form import has_closed_form
@@ -32,11 +32,12 @@ from ballbar.planning.crlb import (
     Predictor,
     before,
     planned_unknowns,
-    predictions,
+    predict,
     predictor,
 )
-from ballbar.planning.followed_path import followed, predict_followed
+from ballbar.planning.followed_path import followed, placed_along, predict_followed
 from ballbar.planning.force import (
+    DRAWS,
     ForceModel,
     Forces,
     StrokeModel,
@@ -56,7 +57,9 @@ from ballbar.sim.true_robot import FREE
 NEARLY = 0.5  # excess of the motion's limits up to which forces and clearance are computed
 UNEXAMINED = 10.0  # added to the excess otherwise: more than forces and clearance come to
 UNIT_CLEARANCE = 0.1  # [m] a gross violation; only guides a search
-ROBOTS = 2  # of planning.force, whose tension enters an evaluation; the report takes all of them
+ROBOTS = (
+    2  # of ballbar.planning.force, whose tension enters an evaluation; the report takes all of them
+)
 # In a search one robot counts: random paths then rank as with all robots at a correlation of 0.982
 # instead of 0.988 with two, which take half as long again.
 SEARCH_ROBOTS = 1
@@ -79,15 +82,31 @@ class Evaluator:
     force_model: ForceModel | None  # None where nothing holds the rod's length
     stroke_model: StrokeModel | None  # None where the length is not sensed
     clearance: Clearance
-    gram: Array  # (p, p) sum over the grid of products of the tool's columns, base aligned
+    # (p, p) upper triangle, off the diagonal doubled, of the sum over the grid of products of the
+    # tool's columns, base aligned
+    gram: Array
     coarse: CoarsePredictor  # of many candidates at once
     followed: PoseSetup | None  # where an instrument follows the target
+    beside: PoseSetup | None  # that of a tracker beside the ball-bar
 
-    def predictions(self, trajectory: Trajectory, tensions: Array) -> tuple[PathPrediction, ...]:
-        """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
+    def predictions(
+        self, trajectory: Trajectory, forces: Forces | None, *, robots: int = DRAWS
+    ) -> tuple[PathPrediction, ...]:
+        """Predictions of a trajectory with the rod tensions of some robots of
+        ballbar.planning.force."""
+        setup = self.beside
         if self.followed is not None:
             return (predict_followed(self.followed, self.request, trajectory),)
-        return predictions(self.predictor, trajectory, tensions)
+        on = replace(self.predictor, exact_scale=setup is None)  # a tracker tells the scale
+        out: list[PathPrediction] = []
+        for tension in tensions_of(trajectory, forces)[:robots]:
+            previous, beside, left = (out[0] if out else None), None, None
+            if setup is not None and forces is not None:
+                loads = forces.carried.over_time(trajectory.t, tension)
+                beside = placed_along(setup, self.request, trajectory, loads=loads)
+                left = setup.unexplained
+            out.append(predict(on, trajectory, tension, previous, beside=beside, unexplained=left))
+        return tuple(out)
 
     @property
     def typical(self) -> Spread:
@@ -124,7 +143,7 @@ def evaluators(request: PlanRequest, known: Known | None = None) -> dict[str, Ev
     InputError for a robot of fewer axes than a path needs.
     """
     chosen = request.cell
-    free = followed(request) is not None  # nothing holds the tool: a path as about a wire
+    free = followed(request, chosen.instrument) is not None  # a path as about a wire
     cells = {
         rod: load_measured_cell(chosen.robot, FREE if free else rod, chosen.plate)
         for rod in chosen.rods
@@ -168,7 +187,7 @@ def evaluator_of(
             f"limits.{', '.join(right)} instead"
         )
     on = predictor(cell, request.sensors, request.timing, request.workspace, known=known)
-    setup, forces = followed(request), None
+    setup, forces = followed(request, request.cell.instrument), None
     if cell.ballbar.stroke is None:
         forces = force_model(cell, request.servo, seed=request.seed)
     nominal = nominal_geometry(cell, np.zeros(3))  # the columns do not depend on the base pose
@@ -176,6 +195,7 @@ def evaluator_of(
     robot = IdentifiedRobot(cell, nominal, on.corrections, x[layout.coefficients])
     moves = robot.jacobian(on.grid, layout.shared)
     columns = aligned_columns(robot.tool(on.grid), moves)
+    gram = columns.T @ columns
     return Evaluator(
         request=request,
         rod=rod,
@@ -185,9 +205,10 @@ def evaluator_of(
         force_model=forces,
         stroke_model=None if setup else stroke_model(cell, seed=request.seed),
         clearance=clearance(cell, request.cell),
-        gram=np.asarray(columns.T @ columns),
+        gram=np.asarray(np.triu(gram) + np.triu(gram, 1)),
         coarse=coarse_predictor(on),
         followed=setup,
+        beside=followed(request, request.cell.tracker),
     )
 
 
@@ -214,10 +235,9 @@ def evaluate(evaluator: Evaluator, candidate: PathCandidate, *, robots: int = RO
     best = check(evaluator, candidate)
     if best.violations or best.trajectory is None:
         return best
-    tensions = tensions_of(best.trajectory, best.forces)[:robots]
     tcp = [
         tcp_rms(evaluator, prediction)
-        for prediction in evaluator.predictions(best.trajectory, tensions)
+        for prediction in evaluator.predictions(best.trajectory, best.forces, robots=robots)
     ]
     mean = float(np.sqrt(np.mean(np.square(tcp))))
     return Assessment(candidate, (), best.trajectory, best.forces, mean)
@@ -284,11 +304,14 @@ def tcp_rms_before(evaluator: Evaluator) -> float:
 
 
 def rms_of_normal(evaluator: Evaluator, normal: Array, layout: Unknowns) -> float:
-    """[m] root mean square of the predicted TCP sigma by an information matrix (P, P)."""
-    columns_of, s = layout.machine, 1.0 / np.sqrt(np.diag(normal))
-    columns = np.zeros((s.size, columns_of.size))
-    columns[columns_of, np.arange(columns_of.size)] = s[columns_of]
-    factor = np.linalg.cholesky(normal * np.outer(s, s))
-    # covariance = half' half
-    half = solve_triangular(factor, columns, lower=True, check_finite=False)
-    return float(np.sqrt(((half @ evaluator.gram) * half).sum() / len(evaluator.predictor.grid)))
+    """[m] root mean square of the predicted TCP sigma by an information matrix (P, P).
+
+    normal : its upper triangle counts.
+    """
+    machine, s = layout.machine, 1.0 / np.sqrt(np.diag(normal))
+    factor, wrong = dpotrf(np.asfortranarray(normal * np.outer(s, s)), overwrite_a=True)
+    if wrong:
+        raise np.linalg.LinAlgError("the information matrix is not positive definite")
+    covariance, _ = dpotri(factor, overwrite_c=True)
+    products = evaluator.gram * covariance[np.ix_(machine, machine)]
+    return float(np.sqrt(s[machine] @ products @ s[machine] / len(evaluator.predictor.grid)))

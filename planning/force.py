@@ -27,15 +27,13 @@ from ballbar.cell.descriptions import Cell, Robot
 from ballbar.cell.dynamics import joint_torques, torques_of_each
 from ballbar.cell.geometry import (
     Geometry,
-    bar_frames,
     nominal_geometry,
     parameter_named,
     parameter_screw,
     parameter_table,
-    robot_frames,
 )
 from ballbar.cell.typical_machine import Spread, with_typical
-from ballbar.ident.loads.gear_loads import Loads, MassModel, loads, mass_model, on_ballbar
+from ballbar.ident.loads.gear_loads import Loads, MassModel, loads, mass_model
 from ballbar.planning.trajectory import Trajectory
 from ballbar.sim.errors.static_errors import THESIS_3_1
 from ballbar.sim.plant.effects import servo_gains
@@ -125,9 +123,17 @@ def force_model(cell: Cell, servo: str, *, seed: int) -> ForceModel:
 def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
     """Tension of the rod along a trajectory; each of its runs begins without force."""
     geometry, cell, q, b = trajectory.nominal, model.cell, trajectory.q, trajectory.b
-    carried = loads(model.masses, geometry, q, b, trajectory.speed, trajectory.acceleration)
-    robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
-    levers = _levers(model, geometry, robot, bar, on_ballbar(model.masses, bar, b)[1])
+    frames = robot, bar = trajectory.robot, trajectory.bar
+    carried = loads(
+        model.masses,
+        geometry,
+        q=q,
+        b=b,
+        speed=trajectory.speed,
+        acceleration=trajectory.acceleration,
+        frames=frames,
+    )
+    levers = _levers(model, geometry, robot, bar, carried.on_bar)
     to_gear, per_newton = cell.robot.gear_to_joint, carried.gear_per_newton
     links = np.zeros((len(to_gear), *per_newton.shape))  # (J, J, N) at the gears, of each link
     if model.drawn is not None:
@@ -253,8 +259,7 @@ def stroke_model(cell: Cell, *, seed: int) -> StrokeModel | None:
 
 def predicted_lengths(model: StrokeModel, trajectory: Trajectory) -> Lengths:
     """Lengths of the bar along a trajectory."""
-    frames = robot_frames(trajectory.nominal, trajectory.q)
-    rod = bar_frames(trajectory.nominal, trajectory.b).z[2]
+    frames, rod = trajectory.robot, trajectory.bar.z[2]
     parameters = [parameter_named(name) for name in model.names]
     along = [(screw(frames, p.kind, p.row)[:3] * rod).sum(axis=0) for p in parameters]
     change = model.errors.T @ np.stack(along) - model.seat.T @ rod

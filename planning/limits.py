@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballbar.cell.arrays import Array
-from ballbar.cell.chain import forward
+from ballbar.cell.chain import Frames, forward
 from ballbar.cell.closed_form import has_closed_form
 from ballbar.cell.descriptions import Cell
-from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_chain, robot_frames
+from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_chain
 from ballbar.cell.numerical_inverse import dexterity, scaled_jacobian
 from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.planning.request import Cup, PlanCell, PlanLimits
@@ -211,7 +211,7 @@ def from_singular(angle: Array) -> Array:
 def _postures(limits: PlanLimits, trajectory: Trajectory) -> list[LimitedValue]:
     """Wrist, elbow and shoulder of an arm with closed form."""
     wrist, key = ("axis 5", trajectory.q[:, 4], limits.wrist_margin_deg), "wrist_margin_deg"
-    elbow, shoulder = arm_margins(trajectory.nominal, trajectory.q)
+    elbow, shoulder = arm_margins(trajectory.robot)
     stretched = ("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg", -GROSS_DEG)
     above = ("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m", -UNIT_LENGTH)
     return [
@@ -221,13 +221,12 @@ def _postures(limits: PlanLimits, trajectory: Trajectory) -> list[LimitedValue]:
     ]
 
 
-def arm_margins(geometry: Geometry, q: Array) -> tuple[Array, Array]:
-    """Distances of the arm from its singular postures at joint angles q (N, 6) [rad].
+def arm_margins(frames: Frames) -> tuple[Array, Array]:
+    """Distances of an arm from its singular postures.
 
     Returns the angle of the elbow from stretched (N,) [rad], and the distance of the wrist's centre
     from axis 1 (N,) [m].
     """
-    frames = robot_frames(geometry, q)
     shoulder, elbow, wrist = frames.origin[1], frames.origin[2], frames.origin[4]
     upper, fore = elbow - shoulder, wrist - elbow
     lengths = np.linalg.norm(upper, axis=0) * np.linalg.norm(fore, axis=0)

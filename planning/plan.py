@@ -30,7 +30,6 @@ from ballbar.planning.evaluation import (
     evaluate,
     evaluators,
     tcp_rms_before,
-    tensions_of,
 )
 from ballbar.planning.force import Forces, Lengths, load_reversals, predicted_lengths
 from ballbar.planning.known import Known
@@ -160,7 +159,7 @@ class PathPlan:
     @property
     def scale_adds(self) -> float:
         """[m] root mean square TCP error from the scale, which no data show."""
-        if self.evaluator.followed is not None:
+        if self.evaluator.followed is not None or self.evaluator.beside is not None:
             return 0.0  # that of the instrument, which its description does not state
         return scale_error(self.evaluator.cell, self.evaluator.predictor.grid)
 
@@ -304,5 +303,5 @@ def assess(evaluator: Evaluator, candidate: PathCandidate) -> PathPlan:
         trajectory=trajectory,
         forces=forces,
         lengths=None if model is None else predicted_lengths(model, trajectory),
-        predictions=evaluator.predictions(trajectory, tensions_of(trajectory, forces)),
+        predictions=evaluator.predictions(trajectory, forces),
     )

@@ -29,7 +29,6 @@ from ballbar.ident.corrections.joint_harmonics import joint_harmonics
 from ballbar.ident.corrections.unit_weights import unit_weights
 from ballbar.ident.estimator.build_unknowns import still_unknowns
 from ballbar.ident.estimator.model import Model, still_model
-from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.ident.estimator.normal_equations import whole_jacobian
 from ballbar.ident.estimator.robust_fit import equations_at
 from ballbar.ident.estimator.unknowns import PlacedPoses, Unknowns
@@ -60,7 +59,7 @@ class Information:
             group = expected_group(self.setup, self.setup.stations[k], poses.axes[of_station])
             model = self._model((group,))
             (point,) = model.at_rest(layout.mean)
-            weights = model.weights(layout.mean, point, self._excess)
+            weights = model.weights(layout.mean, point, self.setup.unexplained)
             jacobian = whole_jacobian(model, layout.mean, 0, point, weights)
             rows = jacobian.transpose(2, 1, 0) * layout.sigma
             if not all_rows.size:
@@ -71,7 +70,7 @@ class Information:
     @cached_property
     def prior(self) -> Array:
         """(P, P) information of priors and known distances, per their standard deviations."""
-        equations = equations_at(self._model(()), self.layout.mean, self._excess, ())
+        equations = equations_at(self._model(()), self.layout.mean, self.setup.unexplained, ())
         return equations.normal * np.outer(self.layout.sigma, self.layout.sigma)
 
     @cached_property
@@ -113,12 +112,6 @@ class Information:
             grid=setup.grid,
             target=station.target,
         )
-
-    @property
-    def _excess(self) -> ExcessNoise:
-        request = self.setup.request
-        rotation = request.unexplained_rad if self.setup.instrument.kind.target_turns else 0.0
-        return ExcessNoise(position=request.unexplained_m, rotation=rotation)
 
     def _model(self, groups: tuple[PoseGroup, ...]) -> Model:
         setup = self.setup

@@ -56,6 +56,10 @@ class PlanCell(Strict):
     """In place of `ballbar`: an instrument that measures its length, such as qc20w_300, or one that
     follows a target on the flange, such as tracker_point.
     """
+    tracker: str | None = None
+    """Beside a ball-bar with encoders: an instrument that follows a target on the flange, such as
+    tracker_point. What is predicted counts both.
+    """
     seat: Cup | None = None
     """Cup on the base of an `instrument`."""
     target: Cup | None = None
@@ -94,6 +98,9 @@ class PlanCell(Strict):
             if self.instrument is None and getattr(self, key) is not None:
                 message = "belongs to an instrument; a ball-bar with encoders has no cups"
                 raise wrong_key(key, message=message)
+        if self.instrument is not None and self.tracker is not None:
+            message = "stands beside a ball-bar with encoders; name the other one as instrument"
+            raise wrong_key("tracker", message=message)
         if self.instrument is not None and self.ballbar_choices:
             raise wrong_key(
                 "ballbar_choices",
@@ -287,7 +294,8 @@ REQUESTS = ExtendableKind(
     shipped=SHIPPED / "plans",
     files=("start_from",),
     descriptions=(
-        *("cell.robot", "cell.ballbar", "cell.instrument", "cell.ballbar_choices", "cell.plate"),
+        *("cell.robot", "cell.ballbar", "cell.instrument", "cell.tracker", "cell.ballbar_choices"),
+        "cell.plate",
         *("robot", "instrument"),
     ),
 )
@@ -310,7 +318,7 @@ def load_request(path: Path, *, overrides: Sequence[str] = ()) -> PlanRequest | 
     def located(name: str | None) -> str | None:
         return str(path.parent / name) if name is not None and name.endswith(".yaml") else name
 
-    keys = ("robot", "ballbar", "instrument", "plate")
+    keys = ("robot", "ballbar", "instrument", "tracker", "plate")
     files: dict[str, object] = {key: located(getattr(cell, key)) for key in keys}
     files["ballbar_choices"] = tuple(map(located, cell.ballbar_choices))
     named = request.model_copy(update={"cell": cell.model_copy(update=files)})

@@ -34,13 +34,13 @@ RANDOM_SHARE = 0.2  # of the time, at most, for random candidates
 DRAWS = 128  # batches of random candidates: enough for the starts of a race
 AHEAD = 16  # batches that are under way at a time, however many processes there are
 # Islands of a race: half of them continue after each round, until two are left.
-ENTRANTS, FINALISTS = 12, 2
-ROUND = 25  # generations
-STALLED = 25  # generations without a gain of GAIN end an island
+ENTRANTS, FINALISTS = 10, 2
+ROUND = 40  # generations
+STALLED = 70  # generations without a gain of GAIN end an island
 CHUNK = 24  # candidates that a process evaluates at a time, at most; of six, each takes 1.6 times
 INCUMBENTS = 24  # the last of them are evaluated in full, with all robots
 STEP = 0.01  # of the natural logarithm of the TCP sigma
-GAIN = 0.003  # of the natural logarithm of the TCP sigma
+GAIN = 0.002  # of the natural logarithm of the TCP sigma
 SPREAD = 0.08  # first step size of CMA-ES, relative to the range of each number
 CYCLES = slice(3 * BAR_ROWS, 4 * BAR_ROWS)  # of a genome
 

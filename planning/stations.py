@@ -23,6 +23,7 @@ from ballbar.cell.placement import Placement, target_frames
 from ballbar.cell.pose_file import known_distances
 from ballbar.cell.poses import KnownDistance
 from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.planning.pose_request import PosePlanRequest, SeatEntry, TargetEntry
 from ballbar.planning.workspace import check_axes, workspace_grid
 
@@ -64,6 +65,12 @@ class PoseSetup:
     shortest: float  # [m] distance of a target from its seat; 0 for sockets
     longest: float  # [m]
     grid: Array  # (G, J) [rad] DH joint angles over which the TCP error counts
+
+    @property
+    def unexplained(self) -> ExcessNoise:
+        """Noise of a position, and of a rotation if measured, that the model leaves unexplained."""
+        turned = self.request.unexplained_rad if self.instrument.kind.target_turns else 0.0
+        return ExcessNoise(position=self.request.unexplained_m, rotation=turned)
 
 
 def setup_of(request: PosePlanRequest, *, relative_to: Path) -> PoseSetup:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 from ballbar.cell.arrays import Array
-from ballbar.cell.closed_form import has_closed_form, robot_branches
+from ballbar.cell.chain import Frames
+from ballbar.cell.closed_form import ELBOWS, has_closed_form, robot_branches
 from ballbar.cell.descriptions import Cell
-from ballbar.cell.geometry import BAR_ROWS, Geometry, nominal_geometry, robot_frames
+from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry, robot_frames
 from ballbar.cell.numerical_inverse import in_range
 from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.planning.candidate import PathCandidate, shape_of
@@ -47,6 +49,16 @@ class Trajectory(Passage):
     tip_speed: Array  # (N,) [m/s]
     runs: int = 1
 
+    @cached_property
+    def robot(self) -> Frames:
+        """Frames of the robot at all samples."""
+        return robot_frames(self.nominal, self.q)
+
+    @cached_property
+    def bar(self) -> Frames:
+        """Frames of the ball-bar at all samples."""
+        return bar_frames(self.nominal, self.b)
+
     @property
     def first(self) -> NDArray[np.intp]:
         """(N,) index of the sample with which the run of each begins."""
@@ -59,9 +71,12 @@ class Trajectory(Passage):
         return self.part(rows, runs=some.size)
 
     def part(self, rows: NDArray[np.intp], *, runs: int) -> Trajectory:
-        """The samples of some rows, as many of each run."""
+        """The samples of some rows, as many of each run; frames that are known stay known."""
         sampled = ("t", "b", "q", "speed", "acceleration", "tip", "tip_speed")
-        return replace(self, runs=runs, **{name: getattr(self, name)[rows] for name in sampled})
+        some = replace(self, runs=runs, **{name: getattr(self, name)[rows] for name in sampled})
+        for name in {"robot", "bar"} & self.__dict__.keys():
+            some.__dict__[name] = self.__dict__[name].part(rows)
+        return some
 
 
 def trajectories(
@@ -101,8 +116,10 @@ def trajectories_of_many(
     b, poses = shapes.angles(phase).reshape(-1, BAR_ROWS), tool_poses(nominal, shapes, phase)
     poses[:, :3, 3] += np.repeat(positions, t.size, axis=0)
     if has_closed_form(nominal.robot):
-        branches = robot_branches(nominal.robot, poses).reshape(-1, t.size, 6)  # (4 M, T, 6)
-        counted = np.flatnonzero(allowed.T)
+        elbows = allowed.reshape(m, 2, 2).any(axis=(0, 2))  # that any candidate may take
+        branches = robot_branches(nominal.robot, poses, np.array(ELBOWS)[elbows].tolist())
+        branches = branches.reshape(-1, t.size, 6)  # (2 or 4 M, T, 6)
+        counted = np.flatnonzero(allowed[:, np.repeat(elbows, 2)].T)
         reached = counted[~np.isnan(branches[counted]).any(axis=(1, 2))]
         which = reached % m
         q = in_range(cell.robot, np.unwrap(branches[reached], axis=1), first=ARM_AXES)

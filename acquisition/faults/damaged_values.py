@@ -45,6 +45,7 @@ SMALLEST_LOAD = 0.1  # [N], [N m]: bends no robot of the cell by a micrometre
 _GRAINS = 3.0  # steps of a coarse sensor
 _ROUNDING = 1e-9  # [N], [N m]: what the form of numbers changes of them
 _BLOCK = 8192  # rows at a time, for the processor's cache
+_QUICK = 0.5  # of the highest speed: there noise of the stamps shows
 _SAMPLE = 2000  # rows, whose median gives the noise to 3 %
 
 
@@ -56,6 +57,7 @@ class _Log(NamedTuple):
     firsts: Rows  # (S,) first row of each stretch
     lasts: Rows  # (S,) last row of each
     sigma: Array  # (C,) [rad] noise
+    stamp_sigma: float  # [s] of the stamps, at most
     longest: float  # [s] that nine rows may span
 
 
@@ -79,7 +81,7 @@ def damaged_values(t: Array, values: Array, breaks: Mask) -> Mask:
     firsts = np.union1d(0, np.flatnonzero(breaks))
     lasts = np.append(firsts[1:], t.size) - 1
     period = float(np.median(np.diff(t), overwrite_input=True))
-    log = _Log(t, values, firsts, lasts, _noise(t, values), _REACH * period)
+    log = _Log(t, values, firsts, lasts, *_noise(t, values), _REACH * period)
     notable = _notable(log)
     many = np.count_nonzero(notable.error) > max(_MANY, _MANY_OF * values.size)
     for apart in range(1 if many else _CLOSE + 1):  # single values, then pairs 1, 2, ... rows apart
@@ -120,13 +122,18 @@ def with_damaged(table: Table, rows: Rows, channels: Sequence[str] = ()) -> Tabl
     return table.remarked(kind, sentence, rows=rows, flag=flag)
 
 
-def _noise(t: Array, values: Array) -> Array:
-    """(C,) [rad] white noise of each channel."""
+def _noise(t: Array, values: Array) -> tuple[Array, float]:
+    """(C,) [rad] white noise of each channel; [s] what noise of the stamps quick motion allows.
+
+    A stamp that is wrong displaces a value by the speed.
+    """
     rows = np.arange(2, t.size - 2, 1 + (t.size - 4) // _SAMPLE)
     around = [rows + k for k in range(-2, 3)]
-    return robust_sigma(
-        np.nan_to_num(prediction_error([t[k] for k in around], [values[k] for k in around]))
-    )
+    error = np.nan_to_num(prediction_error([t[k] for k in around], [values[k] for k in around]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = np.abs((values[rows + 1] - values[rows - 1]) / (t[rows + 1] - t[rows - 1])[:, None])
+        late = (error / speed)[speed > _QUICK * np.nanquantile(speed, 0.99)]
+    return robust_sigma(error), float(robust_sigma(late)) if late.size else 0.0
 
 
 def _notable(log: _Log) -> _Notable:
@@ -211,8 +218,11 @@ def _contradicted(log: _Log, row: Rows, channel: Rows, apart: int, damaged: Mask
         judged &= judges.sum(axis=1) >= _JUDGES
     x = (t[window] - t[row][:, None]) / np.where(span > 0.0, span, 1.0)[:, None]
     fits = local_fits(powers(x, CUBIC), judges)
-    residual = fits.residual(log.values[window, channel[:, None]])
-    deviation = fits.deviation(np.maximum(log.sigma[channel], fits.spread(residual)))
+    chosen = log.values[window, channel[:, None]]
+    residual = fits.residual(chosen)
+    speed = fits.coefficients(chosen)[:, 1] / np.where(span > 0.0, span, 1.0)
+    sigma = np.hypot(log.sigma[channel], log.stamp_sigma * speed)
+    deviation = fits.deviation(np.maximum(sigma, fits.spread(residual)))
     at = np.clip((row - window[:, 0])[:, None] + (0, apart), 0, width - 1)  # (K, 2)
     off = np.take_along_axis(np.abs(residual), at, axis=1)
     # Both, or it is one of them alone.

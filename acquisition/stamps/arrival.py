@@ -27,11 +27,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar.acquisition.stamps.likely_ticks import likeliest_ticks, links_sigma
+from ballbar.acquisition.stamps.likely_ticks import likeliest_ticks, links_sigma, missed_ticks
 from ballbar.acquisition.stamps.order import STAMP, amount
 from ballbar.acquisition.table.table import Table
 from ballbar.cell.arrays import Array
-from ballbar.cell.held_values import changed_rows
+from ballbar.cell.held_values import whole_and_torn_rows
 from ballbar.cell.neighbours import Mask, Rows, robust_sigma
 
 ARRIVAL = "stamps of arrival"  # the finding
@@ -50,13 +50,13 @@ BLOCK, STEADY = 32, 0.15  # rows among which the least delay counts; ticks by wh
 MOST = 4000  # blocks
 MOST_TICKS = 1.5  # from row to row in the mean, of a log that shows most ticks of its source
 SPANS = 10  # of rows with sure ticks, over which the period shows better
-AHEAD = 4  # blocks with a row that is hardly late, by all odds
 STEADIED = 32  # blocks on either side that show the phase of clocks that drift apart
 DRIFT = 10.0  # times the noise of that phase
 FURTHER = np.arange(-8.0, 9.0)[:, None]  # ticks that the whole log may have, at first
 SEARCHED, REPEATS = 30_000, 3  # rows at most of a log in which they are tried; passes with them
 PASSES = 3  # in which the most likely sequence is sought
 STILL = 0.01  # of the usual way of a tick: so slow is a source that stands
+SHORT = 3.0  # ticks between two rows that need none in between
 LONGEST = 10.0  # ticks between two rows that the values can tell
 HUBER = 2.0  # medians of what a line leaves, from where its points count less
 _REWEIGHTED, _CHUNK = 10, 8192
@@ -158,7 +158,7 @@ def _source(arrival: Array, values: Array) -> _Source | None:
     period = _refined(arrival, ticks, sure, period)
     period, phase, prompt, block = _blocks(arrival, ticks, period)
     start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
-    ticks += _missed(arrival / period - start - ticks, sure, block)
+    ticks += missed_ticks(arrival / period - start - ticks, sure, block)
     period, ticks = _settled(arrival, values, ticks, period, block, (sure, progress))
     if np.mean(np.diff(ticks) <= 0.0) > SHARE:  # rows of one tick: more than one source
         return None
@@ -317,23 +317,6 @@ def _starts(phase: Array) -> Array:
     return usual + moving if drifts else np.full(phase.size, usual)
 
 
-def _missed(late: Array, sure: Mask, block: int) -> Array:
-    """(F,) ticks that the rows have beyond those that were counted.
-
-    They are as many as none of the next rows contradicts by an arrival before its tick.
-    late : (F,) [ticks] of the arrivals after the ticks that were counted.
-    """
-    from scipy.ndimage import minimum_filter1d  # noqa: PLC0415  slow to import, and rarely needed
-
-    first = np.flatnonzero(np.concatenate(([True], ~sure)))
-    blocks = np.append(late, np.full(-late.size % block, np.inf)).reshape(-1, block)
-    least = np.minimum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1]  # from a row to its block's end
-    further = minimum_filter1d(least[:, 0], 2 * AHEAD, origin=-AHEAD, mode="nearest")
-    ahead = further[np.minimum(first // block + 1, further.size - 1)]
-    missed = np.floor(np.minimum(least.ravel()[first], ahead) + 0.5)
-    return np.repeat(missed, np.diff(first, append=late.size))
-
-
 def _settled(
     arrival: Array,
     values: Array,
@@ -382,6 +365,7 @@ class _Times(NamedTuple):
     period: float  # [s]
     sigma: float  # [s] of a time
     latest: float  # [s] the longest delay, against the usual one
+    torn: Rows  # those in which some values were new and some were not
 
 
 def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
@@ -389,7 +373,7 @@ def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
 
     arrival : (N,) [s]. channels : (N,) each.
     """
-    fresh = np.flatnonzero(changed_rows(channels))
+    fresh, torn = whole_and_torn_rows(channels)
     if fresh.size < FEWEST or arrival[-1] == 0.0 or not _irregular(np.diff(arrival[fresh])):
         return None
     new, at = _scaled(channels, fresh), arrival[fresh] if fresh.size < arrival.size else arrival
@@ -405,7 +389,7 @@ def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
     delays = np.sort(late[:: 1 + late.size // MANY])
     usual = float(delays[delays.size // 10 : delays.size - delays.size // 10].mean())
     time = (np.interp(tick, ticks, start) + tick) * period + usual
-    return _Times(row, time, period, sigma, float(late.max()) - usual)
+    return _Times(row, time, period, sigma, float(late.max()) - usual, torn)
 
 
 def _irregular(step: Array) -> bool:
@@ -430,7 +414,7 @@ def _with_standing(
         return fresh, ticks
     way = np.append(np.sqrt((np.diff(new) ** 2).sum(axis=0)), 0.0) / passed
     count = np.minimum(repeats, passed - 1.0).astype(np.intp)
-    count[way > STILL * np.quantile(way, 0.9)] = 0
+    count[(way > STILL * np.quantile(way, 0.9)) | (passed <= SHORT)] = 0
     link = np.repeat(np.arange(fresh.size), count)
     place = np.arange(link.size) - np.repeat(np.cumsum(count) - count, count) + 1
     row = fresh[link] + place * repeats[link] // np.maximum(1, count[link])
@@ -451,6 +435,7 @@ def with_source_times(table: Table, names: Sequence[str]) -> Table:
     values = [_continuous(table.columns[name]) for name in names]
     cuts = np.flatnonzero((np.diff(stamps) < 0) | table.begins[1:]) + 1
     used, moved, stretches = np.ones(stamps.size, dtype=bool), stamps.copy(), list[_Times]()
+    torn = list[int]()
     for first, stop in pairwise([0, *cuts.tolist(), stamps.size]):
         arrival = (stamps[first:stop] - stamps[first]) * 1e-9
         with np.errstate(all="ignore"):  # of damaged values
@@ -460,6 +445,7 @@ def with_source_times(table: Table, names: Sequence[str]) -> Table:
             used[first + times.row] = True
             moved[first + times.row] = stamps[first] + np.rint(times.time * 1e9).astype(np.int64)
             stretches.append(times)
+            torn.extend((first + times.torn).tolist())
     if not stretches:
         return table
     period, sigma = (
@@ -473,9 +459,14 @@ def with_source_times(table: Table, names: Sequence[str]) -> Table:
     )
     count = sum(t.row.size for t in stretches)
     table = table.remarked(ARRIVAL, sentence, count=count)
-    if not used.all():
+    if torn:
+        sentence = "some values were renewed when it was read, and some not yet; left out."
+        table = table.remarked("torn row", sentence, rows=np.array(torn))
+    held = ~used
+    held[torn] = False
+    if held.any():
         sentence = "the row before again, before the source had new values: held; left out."
-        table = table.remarked("held values", sentence, rows=np.flatnonzero(~used))
+        table = table.remarked("held values", sentence, rows=np.flatnonzero(held))
     return replace(table, columns={**table.columns, STAMP: moved}).take(used)
 
 

@@ -21,6 +21,7 @@ WORST, MISSED = 12.0, 4.0  # cost of a link that its values contradict; of a tic
 IMPOSSIBLE = 1e6  # cost of rows whose order their ticks contradict
 WINDOW = 5  # links on either side, whose speeds show whether it changes
 SAMPLE, EDGES = 5000, np.arange(-2.0, 2.1, 0.125).tolist()  # rows; [ticks]
+AHEAD = 4  # blocks with a row that is hardly late, by all odds
 _CHUNK, _TINY = 256, 1e-9
 
 
@@ -106,3 +107,20 @@ def _exponential(delay: Array) -> float:
     mean = max(float(delay.mean()), LEAST_DELAY)
     early = 0.5 * (np.minimum(delay, 0.0) / EARLY) ** 2
     return float((early + (np.maximum(delay, 0.0) / mean + np.log(mean)) / TOGETHER).sum())
+
+
+def missed_ticks(late: Array, sure: Mask, block: int) -> Array:
+    """(F,) ticks that the rows have beyond those that were counted.
+
+    They are as many as none of the next rows contradicts by an arrival before its tick.
+    late : (F,) [ticks] of the arrivals after the ticks that were counted.
+    """
+    from scipy.ndimage import minimum_filter1d  # noqa: PLC0415  slow to import, and rarely needed
+
+    first = np.flatnonzero(np.concatenate(([True], ~sure)))
+    blocks = np.append(late, np.full(-late.size % block, np.inf)).reshape(-1, block)
+    least = np.minimum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1]  # from a row to its block's end
+    further = minimum_filter1d(least[:, 0], 2 * AHEAD, origin=-AHEAD, mode="nearest")
+    ahead = further[np.minimum(first // block + 1, further.size - 1)]
+    missed = np.floor(np.minimum(least.ravel()[first], ahead) + 0.5)
+    return np.repeat(missed, np.diff(first, append=late.size))

@@ -34,12 +34,13 @@ def say_plan(out: Console, plan: PathPlan) -> None:
     """Prints where a plan comes from and what it is predicted to identify."""
     typical, tcp = plan.typical, plan.tcp * UM
     position = ", ".join(f"{v:.3f}" for v in plan.evaluation.candidate.position)
+    beside = f", {escape(Path(name).stem)} beside it" if (name := plan.request.cell.tracker) else ""
     if plan.stopped:
         out.print("[yellow]stopped[/] before its time; this is the best so far")
     searched = f"found in {plan.seconds:.0f} s, {plan.evaluated} tried"
     out.print(
         f"path {searched if plan.evaluated else 'as given'}; "
-        f"{plan.gauge} {escape(Path(plan.rod).stem)} at ({position}) m"
+        f"{plan.gauge} {escape(Path(plan.rod).stem)} at ({position}) m{beside}"
     )
     spread = f" ({tcp.min():.1f} to {tcp.max():.1f} over {len(tcp)} robots)" if len(tcp) > 1 else ""
     scale = "the bar's calibrated length" if plan.lengths else "the lengths of plate and ba5"

@@ -27,7 +27,12 @@ from ballbar.ident.estimator.build_unknowns import kinematic_unknowns
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.gauss_newton import inverse
 from ballbar.ident.estimator.model import Evaluation, Model, gearing
-from ballbar.ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
+from ballbar.ident.estimator.normal_equations import (
+    NormalEquations,
+    jacobian,
+    normal_equations,
+    products,
+)
 from ballbar.ident.recording_fit import RecordingFit, nominal_robot_fit
 
 DECISIVE = 3.0  # times less than without the channel's error
@@ -113,8 +118,7 @@ def _errors(
     blocks = list(jacobian(model, linear, k))
     cost = float((residual * residual).sum() - linear.gradient @ step)
     for signal in _signals(cell, point, weights(_columns(cell, point))):
-        parts = [block.scores(signal.values[:, block.samples], model, k) for block in blocks]
-        shared = np.concatenate(parts, axis=1).sum(axis=1)
+        shared = products(model, k, blocks, signal.values)
         power = float((signal.values * signal.values).sum())
         rest = power - float(shared @ covariance @ shared)
         score = float((signal.values * residual).sum() - shared @ step)

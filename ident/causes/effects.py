@@ -24,7 +24,7 @@ from ballbar.cell.arrays import Array
 from ballbar.ident.corrections.base import BAR, GEAR
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.model import Evaluation
-from ballbar.ident.estimator.normal_equations import jacobian
+from ballbar.ident.estimator.normal_equations import jacobian, products
 from ballbar.ident.estimator.whitening import Whitening
 from ballbar.ident.loads.gear_loads import stop
 
@@ -60,9 +60,7 @@ def effects_beside(fit: Fit) -> list[Effect]:
             flat = own.reshape(count, -1)
             power += flat @ flat.T
             score += flat @ residual.reshape(-1)
-            for block in blocks[k]:
-                each = (block.scores(c[:, block.samples], fit.model, k).sum(axis=1) for c in own)
-                shared += np.stack([*each], axis=1)
+            shared += np.stack([products(fit.model, k, blocks[k], c) for c in own], axis=1)
         scale = np.sqrt(np.maximum(np.diag(power), np.finfo(float).tiny))
         rest = (power - shared.T @ fit.covariance @ shared) / np.outer(scale, scale)
         size = -np.linalg.pinv(rest, rcond=_DEPENDENT, hermitian=True) @ (score / scale)
@@ -84,8 +82,10 @@ def _columns(fit: Fit) -> Iterator[tuple[Words, str, Columns]]:
     remedy = "Look for a loose resolver or coupling, and let the robot warm up"
     for gear in range(len(fit.model.gearing.to_joint)):
         zero = [w(p.columns[gear : gear + 1]) for p, w in points]
-        yield (lambda _: ""), "", _in_each(zero)
-        own = [z * _share_of_time(p) for z, (p, _) in zip(zero, points, strict=True)]
+        if len(points) > 1:
+            yield (lambda _: ""), "", _in_each(zero)
+        times = [p.recording.times for p, _ in points]
+        own = [z * (t - t[0]) / np.ptp(t) for z, t in zip(zero, times, strict=True)]
         yield partial(_drift, gear + 1), remedy, _in_each(own)
     frequency, sway = _sway(fit)
     remedy = "Stand robot and ball-bar on one foundation, away from what shakes it"
@@ -133,28 +133,26 @@ def _turned(point: Evaluation) -> Array:
 def _sway(fit: Fit) -> tuple[float, Columns]:
     """The frequency [Hz], and columns per metre of the base of the ball-bar along x, y, z."""
     longest = max(np.ptp(point.recording.times) for point, _, _ in fit.recorded)
-    frequencies = np.arange(CYCLES / longest, HIGHEST, 0.25 / longest)
-    power, bases = np.zeros(frequencies.size), []
+    lowest, step = CYCLES / longest, 0.25 / longest
+    most = int(np.sqrt(HIGHEST / step)) + 1
+    power, bases = np.zeros((most, most)), []
     for point, weights, residual in fit.recorded:
         columns = np.zeros((3, 6, residual.shape[1]))
         columns[range(3), range(3)] = 1.0
         base = weights(columns)
         bases.append(base)
         score = (base * residual).sum(axis=1)  # (3, N)
-        turn = np.exp(2j * np.pi * frequencies[:, None] * point.recording.times)
-        power += (np.abs(score @ turn.T) ** 2).sum(axis=0)
-    best = frequencies[int(power.argmax())]
+        # every frequency is the lowest, a multiple of `most` steps, and up to so many steps
+        turn = 2j * np.pi * step * point.recording.times
+        fine = np.exp(turn * np.arange(most)[:, None])
+        coarse = score[:, None] * np.exp(turn * (lowest / step + most * np.arange(most)[:, None]))
+        power += (np.abs(coarse @ fine.T) ** 2).sum(axis=0)
+    best = lowest + step * int(power.reshape(-1)[: -int((lowest - HIGHEST) // step)].argmax())
     own = []
     for base, (point, _, _) in zip(bases, fit.recorded, strict=True):
         angle = 2.0 * np.pi * best * point.recording.times
         own.append(np.concatenate([base * np.cos(angle), base * np.sin(angle)]))
     return float(best), _in_each(own)
-
-
-def _share_of_time(point: Evaluation) -> Array:
-    """(N,) 0 to 1 along a recording."""
-    t = point.recording.times
-    return np.asarray((t - t[0]) / (t[-1] - t[0]))
 
 
 def _in_each(own: Columns) -> Columns:

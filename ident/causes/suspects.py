@@ -280,7 +280,7 @@ def beside_fit(cell: Cell, fit: Fit, names: Sequence[str], *, contested: bool = 
         cause = _logged_wrongly(error, names)
         evidence.setdefault(error.channel, (error.left, cause, error.remedy))
     effects = effects_beside(fit)
-    changed = min(effect.left for effect in effects if not effect.cause)
+    changed = min((effect.left for effect in effects if not effect.cause), default=1.0)
     limit = min(changed, 1.0 - 2.0 * BESIDE) if contested else 1.0 - BESIDE
     for effect in effects:
         if effect.cause and effect.left < limit:

@@ -402,7 +402,14 @@ class Model:
                 return previous.state.loads, previous.loads_at
         if self.masses is None:
             return no_loads(len(self.gearing.to_joint), at.size), (geometry, clock)
-        now = loads(self.masses, geometry, motion.q, ballbar, motion.speed, motion.acceleration)
+        now = loads(
+            self.masses,
+            geometry,
+            q=motion.q,
+            b=ballbar,
+            speed=motion.speed,
+            acceleration=motion.acceleration,
+        )
         if "typical_friction" in [c.name for c in self.corrections]:
             now = replace(now, rubbed=rubbed(self.masses, geometry, motion.q, ballbar))
         return now, (geometry, clock)

@@ -273,6 +273,11 @@ def gradient_of(model: Model, k: int, block: JacobianBlock, residual: Array) -> 
     return out
 
 
+def products(model: Model, k: int, blocks: Sequence[JacobianBlock], vector: Array) -> Array:
+    """(P,) columns of recording k times a whitened vector (E, N); blocks : all of it."""
+    return np.asarray(sum(gradient_of(model, k, b, vector[:, b.samples]) for b in blocks))
+
+
 def add_normal(model: Model, k: int, block: JacobianBlock, normal: Array) -> None:
     """Adds the products of one block's columns to the normal matrix (P, P); in place."""
     flat, knots = block.values.reshape(block.index.size, -1), model.unknowns.knots(k)

@@ -127,7 +127,7 @@ def search_orders(
     pairs = whole_orders(len(model.joints)) if pairs is None else pairs
     candidates = _candidates(model, pairs)
     grams = _Grams(model, candidates, prior)
-    scores = _Scores(model, candidates, prior)
+    scores = _Scores(model, candidates, prior, grams)
     limit = 2.0 * np.log(len(candidates)) + threshold
     taken: list[int] = []
     orders: list[JointOrder] = []
@@ -187,13 +187,12 @@ ALIAS = 0.98  # correlation of two candidates' columns from which data hardly te
 class _Scores:
     """Score tests of all candidates against the model as it grows."""
 
-    def __init__(self, model: LinearModel, candidates: Array, prior: float) -> None:
+    def __init__(self, model: LinearModel, candidates: Array, prior: float, grams: _Grams) -> None:
         self._raw, self._shape, self._prior = candidates, model.residual.shape, prior
         present = model.jacobian.reshape(len(model.jacobian), -1)
-        normal = cho_factor(present @ present.T + model.prior_normal)
-        flat = candidates.reshape(-1, present.shape[1])
-        rest = flat - cho_solve(normal, present @ flat.T).T @ present
-        self._rest: Array = rest.reshape(candidates.shape)  # what the model cannot take over
+        normal, mixed = np.split(grams.whole[: len(present)], [len(present)], axis=1)
+        taken = (cho_solve(cho_factor(normal), mixed).T @ present).reshape(candidates.shape)
+        self._rest: Array = candidates - taken  # what the model cannot take over
         self._residual = model.residual.reshape(-1)
         self._order = np.argsort(model.groups, kind="stable")
         self._starts = np.flatnonzero(np.diff(model.groups[self._order], prepend=-1))
@@ -281,18 +280,18 @@ class _Grams:
             own = np.ascontiguousarray(columns[:, fold_of == fold])
             rest = residual[fold_of == fold]
             self._folds.append((own @ own.T, own @ rest, float(rest @ rest)))
-        self._gram: Array = np.sum([gram for gram, _, _ in self._folds], axis=0)
+        self.whole: Array = np.sum([gram for gram, _, _ in self._folds], axis=0)
         self._gradient: Array = np.sum([gradient for _, gradient, _ in self._folds], axis=0)
         count = self._present
-        self._gram[:count, :count] += model.prior_normal
+        self.whole[:count, :count] += model.prior_normal
         self._gradient[:count] += model.prior_gradient
-        self._gram[np.arange(count, len(columns)), np.arange(count, len(columns))] += prior**-2.0
+        self.whole[np.arange(count, len(columns)), np.arange(count, len(columns))] += prior**-2.0
 
     def plain(self) -> float:
         """Sum of squares left in the folds left out, without any candidate."""
         total, base = 0.0, np.arange(self._present)
         for gram, gradient, square in self._folds:
-            left, slope = self._gram - gram, self._gradient - gradient
+            left, slope = self.whole - gram, self._gradient - gradient
             step = -np.linalg.solve(left[np.ix_(base, base)], slope[base])
             held = gram[np.ix_(base, base)]
             total += square + float(2.0 * step @ gradient[base] + step @ held @ step)
@@ -305,7 +304,7 @@ class _Grams:
         own = pairs.reshape(t, 2)
         total = np.zeros(t)
         for gram, gradient, square in self._folds:
-            left, slope = self._gram - gram, self._gradient - gradient
+            left, slope = self.whole - gram, self._gradient - gradient
             factor = np.linalg.cholesky(left[np.ix_(base, base)])
             right = np.column_stack((slope[base], left[np.ix_(base, pairs)]))
             half = solve_triangular(factor, right, lower=True, check_finite=False)

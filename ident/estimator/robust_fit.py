@@ -105,7 +105,7 @@ def stacked(parts: Sequence[Array]) -> Array:
     def padded(part: Array) -> Array:
         missing = [(0, 0)] * part.ndim
         missing[-2] = (0, rows - part.shape[-2])
-        return np.pad(part, missing)
+        return np.pad(part, missing) if missing[-2][1] else part
 
     return np.concatenate([padded(part) for part in parts], axis=-1)
 

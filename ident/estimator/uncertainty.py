@@ -59,6 +59,7 @@ from ballbar.ident.estimator.normal_equations import gradient_of, jacobian, norm
 from ballbar.ident.estimator.priors import beyond_priors, robot_unknowns
 from ballbar.ident.estimator.time_blocks import BLOCK, each_block
 from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.estimator.unlisted_ripple import unlisted_ripple
 from ballbar.ident.loads.gear_loads import mass_model
 
 STRONG = 0.9  # correlation from which two unknowns are named together
@@ -114,7 +115,7 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     sigma = layout.sigma
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
-    variance, blocks = _without_blocks(fit)
+    variance, blocks = variance_by_blocks(fit)
     white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
     inflation = np.sqrt(np.maximum(1.0, variance / white))
     inflated = misfit * data * np.outer(inflation, inflation)
@@ -153,25 +154,28 @@ def inflation_factors(covariance: Array, power: Array, sums: Array) -> Array:
 
 
 def _left_out(fit: Fit) -> Array:
-    """(P, K) shifts by terms that the fit left out, and by bearings that gears hold."""
+    """(P, K) shifts by terms that the fit left out, bearings that gears hold, unlisted ripple."""
     layout = fit.model.unknowns
     second = np.diag(fit.covariance) + fit.x**2
     sizes = dict(zip(layout.names, np.sqrt(second).tolist(), strict=True))
     for part in fit.left_out:
         sizes |= part.sizes
     tilts = held_tilts(layout.names, sizes)
-    return np.column_stack([tilts, *(part.of(layout.names) for part in fit.left_out)])
+    terms = (part.of(layout.names) for part in fit.left_out)
+    return np.column_stack([tilts, *terms, unlisted_ripple(fit)])
 
 
-def _without_blocks(fit: Fit) -> tuple[Array, int]:
+def variance_by_blocks(fit: Fit, length: float = BLOCK) -> tuple[Array, int]:
     """(P,) variance by leaving out each block of time in turn, and how many blocks there are.
+
+    length : [s] of a block.
 
     The jackknife: `(B - 1) / B` times the sum of squares over B blocks (Efron & Stein 1981).
     Without a block of normal matrix N and gradient g the estimate moves by `(H - N)^-1 g`, so what
     single blocks hold alone counts for what it is.
     """
     variance, count = np.zeros(fit.model.unknowns.count), 0
-    for block in each_block(fit, BLOCK, followed=True):
+    for block in each_block(fit, length, followed=True):
         own = np.flatnonzero(np.diag(block.normal))
         normal, covariance = block.normal[np.ix_(own, own)], fit.covariance[:, own]
         without = np.eye(own.size) - normal @ covariance[own]
@@ -179,6 +183,19 @@ def _without_blocks(fit: Fit) -> tuple[Array, int]:
         variance += moved**2
         count += 1
     return variance * (count - 1) / count, count
+
+
+def correlation_time(residual: Array, times: Array) -> float:
+    """[s] correlation time of residuals (E, N) at times (N,) [s], white noise in them aside.
+
+    The integral of their autocovariance up to its first zero, over its largest value there: of
+    `exp(-t / T)` beside white noise it is T. At least one row.
+    """
+    power = (np.abs(np.fft.rfft(residual, 2 * times.size)) ** 2).sum(axis=0)
+    later = np.fft.irfft(power)[1 : times.size]
+    later = later[: int(np.argmax(np.append(later, 0.0) <= 0.0))]
+    rows = later.sum() / later.max() if later.size else 1.0
+    return float(rows * np.median(np.diff(times)))
 
 
 def mean_autocorrelation(fit: Fit) -> float:

@@ -12,6 +12,7 @@ and plate (mass model of the cell files) and `-w` at the tool.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ from ballbar.cell.descriptions import Cell, Link, Robot
 from ballbar.cell.dynamics import joint_moments, joint_torques
 from ballbar.cell.geometry import Geometry, bar_frames, robot_frames
 from ballbar.cell.typical_machine import with_typical
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 TRAVEL = 1e-4  # [rad] over which friction of a ball-bar's joint builds up after a reversal; assumed
 BEARINGS = 3  # joints, from the base, whose bearings carry moments that tilt them
@@ -41,6 +45,7 @@ class Loads:
     bearing: Array
     bearing_per_newton: Array  # (BEARINGS, 2, N) [m]
     rubbed: Array  # (J, N) [1] at the gears, per newton metre of friction in the ball-bar's joints
+    on_bar: Array  # (6, N) [-, m] wrench of the tool on the ball-bar per newton
 
     def part(self, samples: NDArray[np.intp]) -> Loads:
         """The loads at some of the samples."""
@@ -53,6 +58,13 @@ class Loads:
     def plate_moment(self, tension: Array) -> Array:
         """(N,) [N m] at a rod tension (N,) [N]."""
         return self.plate + self.plate_per_newton * tension
+
+    def over_time(self, t: Array, tension: Array) -> BSpline:
+        """(J + 2 BEARINGS,) [N m] of gears and bearings over the times (N,) [s], which increase."""
+        from scipy.interpolate import make_interp_spline  # noqa: PLC0415  --help needs none
+
+        bearing = self.bearings(tension).reshape(2 * BEARINGS, -1)
+        return make_interp_spline(t, np.concatenate((self.gears(tension), bearing)).T, k=3)
 
     def bearings(self, tension: Array) -> Array:
         """(BEARINGS, 2, N) [N m] at a rod tension (N,) [N]."""
@@ -92,14 +104,22 @@ def link_masses(robot: Robot) -> MassModel:
 
 
 def loads(
-    masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Array, acceleration: Array
+    masses: MassModel,
+    geometry: Geometry,
+    *,
+    q: Array,
+    b: Array,
+    speed: Array,
+    acceleration: Array,
+    frames: tuple[Frames, Frames] | None = None,
 ) -> Loads:
     """Loads along a motion.
 
     q, speed, acceleration : (N, J) [rad, rad/s, rad/s^2] of the robot's joints. b : (N, 5) [rad]
-    ball-bar angles as the encoders read. masses : of the cell.
+    ball-bar angles as the encoders read. masses : of the cell. frames : of robot and ball-bar
+    there, if they are known.
     """
-    robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
+    robot, bar = frames or (robot_frames(geometry, q), bar_frames(geometry, b))
     own = joint_moments(
         robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration
     )
@@ -121,6 +141,7 @@ def loads(
         bearing=_across_axes(robot, moments),
         bearing_per_newton=_across_axes(robot, per_newton_at_joints),
         rubbed=np.zeros(q.T.shape),
+        on_bar=per_newton,
     )
 
 
@@ -158,6 +179,7 @@ def no_loads(joints: int, samples: int) -> Loads:
         bearing=bearings,
         bearing_per_newton=bearings,
         rubbed=gears,
+        on_bar=np.zeros((6, samples)),
     )
 
 

@@ -107,7 +107,9 @@ def logged_torque(
     q, speed = samples.robot.spline(at), samples.robot.speed(at)
     acceleration = np.asarray(samples.robot.arm(at, 2))
     ballbar = samples.ballbar_angles(geometry, clock, times)
-    carried = loads(mass_model(cell), geometry, q, ballbar, speed, acceleration)
+    carried = loads(
+        mass_model(cell), geometry, q=q, b=ballbar, speed=speed, acceleration=acceleration
+    )
     to_gear = cell.robot.joint_to_gear
     return LoggedTorque(
         times=times,

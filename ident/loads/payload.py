@@ -76,8 +76,9 @@ def payload_of_recordings(
 ) -> PayloadEstimate:
     """The masses that the torques of recordings ask for; of the first where tools are not the same.
 
-    geometries : of the recordings, from their `dh` fits. A tool that nobody declared is tried
-    first; where it is none, tool and links are what the files say within their tolerance.
+    geometries : of the recordings, their lengths those of the files (RecordingFit.as_built). A tool
+    that nobody declared is tried first; where it is none, tool and links are what the files say
+    within their tolerance.
     """
     recordings = _of_recordings(cell, geometries, logs)
     if cause := _undeclared(cell, recordings):

@@ -41,7 +41,9 @@ def undeclared_columns(
     for axis in np.eye(3):
         robot = replace(cell.robot, gravity=cell.robot.gravity + axis)
         masses = mass_model(replace(cell, robot=robot))
-        moved = loads(masses, geometry, log.q, log.ballbar, speed, acceleration)
+        moved = loads(
+            masses, geometry, q=log.q, b=log.ballbar, speed=speed, acceleration=acceleration
+        )
         gravity.append(moved.gear - log.carried.gear)
     forces = [axis[:, None] + np.zeros_like(frames.tip) for axis in np.eye(3)]
     at_joints = np.array([

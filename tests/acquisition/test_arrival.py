@@ -113,6 +113,42 @@ def test_values_that_are_read_again_are_no_measurements() -> None:
     assert off(result, t[rows]).max() < 2e-4
 
 
+def test_a_row_read_while_its_values_are_renewed_is_left_out() -> None:
+    """Its first joints are those of the row before; the next one has them all."""
+    t, angles = source()
+    rows, arrival = polled(bursts(t), 0.4)
+    again = np.flatnonzero(np.diff(rows) == 0)[100::300]  # read twice: the first time torn
+    read = angles[rows]
+    read[again, :2] = angles[rows[again] - 1, :2]
+    result = with_source_times(table(arrival, read), NAMES)
+    torn = next(entry for entry in result.findings if entry.kind == "torn row")
+    assert torn.count == again.size
+    assert not np.isin(again, result.line - 2).any()
+    assert len(result) == ROWS
+    assert off(result, t[rows]).max() < 2e-4
+
+
+def test_a_motion_finer_than_its_numbers_tears_no_rows() -> None:
+    """Six digits: a joint above 100 degrees goes on by steps ten times as coarse."""
+    t, angles = source()
+    degrees = np.rad2deg(angles)
+    degrees[:, 3] = 99.0 + np.cumsum(np.abs(np.diff(degrees[:, 3], prepend=0.0))) % 20.0
+    coarse = np.where(np.abs(degrees) < 100.0, degrees.round(4), degrees.round(3))
+    result = with_source_times(table(bursts(t), coarse), NAMES)
+    assert "torn row" not in kinds(result)
+
+
+def test_a_creeping_motion_that_is_read_again_is_no_stand() -> None:
+    """Every third value is held while the source goes on at a two-hundredth of its speed."""
+    number = np.arange(ROWS)
+    slow = (number > 2300) & (number < 3100)
+    t = PERIOD * number
+    angles = joint_trajectory(PERIOD * np.cumsum(np.where(slow, 0.005, 1.0))).round(8)
+    held = slow & (number % 3 == 0)
+    result = with_source_times(table(bursts(t), angles[number - held]), NAMES)
+    assert not held[result.line - 2].any()
+
+
 def test_values_that_are_not_renewed_leave_ticks_out() -> None:
     """Two of five rows show the values of the row before."""
     t, angles = source()

@@ -55,6 +55,19 @@ def test_beside_a_new_stretch_only_its_own_rows_judge() -> None:
     assert damaged(values, begins=(400,)) == [(399, 0), (400, 1)]
 
 
+def test_stamps_that_jitter_damage_no_values_of_a_quick_motion() -> None:
+    """Rows 80 us off at 2 rad/s are 160 urad off; where the robot is slow they show nothing."""
+    t = PERIOD * np.arange(20_000)
+    read = t + np.random.default_rng(7).normal(0.0, 8e-5, t.size)
+    quick = 0.5 + 0.5 * np.sin(0.2 * t)  # [1] most of the time it is slow
+    values = np.stack((quick**4 * np.sin(4.0 * read), 0.3 * np.cos(read)), axis=1)
+    values += np.random.default_rng(3).normal(0.0, NOISE, values.shape)
+    none = np.zeros(t.size, dtype=bool)
+    assert np.count_nonzero(damaged_values(t, values, none)) <= 1e-4 * t.size
+    values[10_000, 0] += 5e-3
+    assert damaged_values(t, values, none)[10_000, 0]
+
+
 @pytest.mark.parametrize("rows", [5, 6, 8, 500])
 def test_a_step_in_the_motion_is_no_damage(rows: int) -> None:
     """Backlash that is crossed; in the last four rows of a log it looks like damage."""

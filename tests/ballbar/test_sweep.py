@@ -490,8 +490,7 @@ def test_a_worker_that_dies_ends_the_sweep_in_words(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
-    for package in ("ballbar", "ident"):
-        shutil.copytree(root / package, tmp_path / package)
+    shutil.copytree(root / "ballbar", tmp_path / "ballbar")  # what it links as well
 
     def version() -> str:
         program = "from ballbar.code_version import code_version; print(code_version())"
@@ -505,7 +504,7 @@ def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
         ).stdout
 
     before = version()
-    with (tmp_path / "ident/estimator/solver.py").open("a") as file:
+    with (tmp_path / "ballbar/ident/estimator/solver.py").open("a") as file:
         file.write("#")
     assert version() != before
 

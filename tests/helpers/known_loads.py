@@ -51,7 +51,9 @@ class Motion:
         plate = replace(CELL.plate.body, mass=0.0)
         bare = replace(CELL, plate=replace(CELL.plate, body=plate))
         still = np.zeros_like(self.q)
-        held = loads(mass_model(CELL), NOMINAL, self.q, self.b, still, still).gears(force)
+        held = loads(
+            mass_model(CELL), NOMINAL, q=self.q, b=self.b, speed=still, acceleration=still
+        ).gears(force)
         through = own_weight(mass_model(bare), NOMINAL, self.q).gear - held  # at the gears
         at_joints = CELL.robot.joint_to_gear @ through
         frames = robot_frames(NOMINAL, self.q)
@@ -72,6 +74,6 @@ def motion_at(t: Array) -> Motion:
     robot, bar = exact_log(path.t, path.q), exact_log(path.t, path.b)
     q, b, speed = (np.asarray(f(t)) for f in (robot.spline, bar.spline, robot.speed))
     acceleration = np.asarray(robot.spline(t, 2))
-    carried = loads(mass_model(CELL), NOMINAL, q, b, speed, acceleration)
+    carried = loads(mass_model(CELL), NOMINAL, q=q, b=b, speed=speed, acceleration=acceleration)
     to_gear = CELL.robot.joint_to_gear
     return Motion(t, q, b, carried, (speed @ to_gear).T, (acceleration @ to_gear).T)

@@ -25,7 +25,8 @@ def logged(true: Cell, *, seed: int = 1) -> LoggedTorque:
         np.gradient(np.gradient(q, T, axis=0), T, axis=0),
     )
     carried, felt = (
-        loads(mass_model(cell), NOMINAL, q, b, speed, acceleration) for cell in (CELL, true)
+        loads(mass_model(cell), NOMINAL, q=q, b=b, speed=speed, acceleration=acceleration)
+        for cell in (CELL, true)
     )
     at_gears = (speed @ to_gear).T
     friction = 1.3 * gears.coulomb[:, None] * np.tanh(at_gears / 1e-3)

@@ -43,7 +43,10 @@ def test_a_tracker_s_points_tell_what_a_recording_leaves_open(
     assert drawn_alone.poses is None
     assert mixed.poses is not None
     assert mixed.verdict.status is Status.GOOD, mixed.verdict.sentence
-    assert mixed.robot.tcp_sigma.mean() < 0.8 * drawn_alone.robot.tcp_sigma.mean()
+    scales = [
+        (r.robot.tcp.sigma**2 - r.robot.tcp.without_scale**2).mean() for r in (mixed, drawn_alone)
+    ]
+    assert scales[0] < 0.5 * scales[1]  # the variance that the scale alone leaves
     seat = mixed.poses.seats["tracker"]
     assert seat.whole
     assert np.abs(seat.placement.origin - [2.5, -1.0, 0.3]).max() < 5.0 * seat.sigma.max()

@@ -13,13 +13,21 @@ from scipy.optimize import lsq_linear
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.geometry import bar_frames, robot_frames
+from ballbar.planning import coarse
 from ballbar.planning import search as searching
 from ballbar.planning.candidate import PathCandidate, genome_of, rounded, space_of
 from ballbar.planning.capsules import segment_distance
 from ballbar.planning.clearance import FAR
 from ballbar.planning.coarse import STEP, objectives
 from ballbar.planning.coarse_crlb import coarse_predictor
-from ballbar.planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, evaluators, objective
+from ballbar.planning.evaluation import (
+    INFEASIBLE,
+    SCREENED_OUT,
+    Evaluator,
+    check,
+    evaluators,
+    objective,
+)
 from ballbar.planning.force import predicted_forces
 from ballbar.planning.plan import first_path, known_path
 from ballbar.planning.request import load_request
@@ -62,23 +70,54 @@ def random_path(k: int) -> PathCandidate:
     return PathCandidate(shape, np.array([float(row[f"ballbar_{axis}_m"]) for axis in "xyz"]))
 
 
+SHARE = coarse.CALM
+
+
+@pytest.fixture(autouse=True)
+def _same_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coarse and full objectives with one limit of acceleration, as far as they are compared."""
+    monkeypatch.setattr(coarse, "CALM", 1.0)
+
+
+@pytest.mark.slow
+def test_a_search_keeps_some_acceleration_for_what_friction_adds(
+    evaluator: Evaluator, genomes: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    allowed = SHARE * evaluator.limits.axis_acceleration_deg_per_s2
+
+    def fastest(genome: Array) -> float:
+        found = check(evaluator, evaluator.space.candidate(genome)).trajectory
+        assert found is not None
+        axes = found.acceleration @ evaluator.cell.robot.joint_to_axis
+        return float(np.degrees(np.abs(axes).max()))
+
+    plain = objectives(evaluator, genomes)
+    monkeypatch.setattr(coarse, "CALM", SHARE)
+    kept = objectives(evaluator, genomes)
+    lost = (kept >= INFEASIBLE) & (plain < INFEASIBLE)
+    assert lost.any()
+    assert all(fastest(genome) > 0.99 * allowed for genome in genomes[lost])
+    np.testing.assert_allclose(kept[kept < INFEASIBLE], plain[kept < INFEASIBLE], rtol=1e-9)
+
+
 @pytest.mark.slow
 def test_coarse_objectives_rank_paths_as_full_ones_do(evaluator: Evaluator, genomes: Array) -> None:
-    coarse = objectives(evaluator, genomes)
+    fast = objectives(evaluator, genomes)
     full = np.array([objective(evaluator, genome) for genome in genomes])
-    assert (coarse < INFEASIBLE).tolist() == (full < INFEASIBLE).tolist()
-    assert ((coarse > SCREENED_OUT) == (full > SCREENED_OUT)).all()
+    assert (fast < INFEASIBLE).tolist() == (full < INFEASIBLE).tolist()
+    assert ((fast > SCREENED_OUT) == (full > SCREENED_OUT)).all()
     runnable = full < INFEASIBLE
     assert 14 <= runnable.sum() < len(genomes)
-    above = coarse[runnable] - full[runnable]
+    above = fast[runnable] - full[runnable]
     assert 0.0 < above.mean() < 0.2  # ballbar.planning.coarse_crlb: 0.13
-    assert np.corrcoef(coarse[runnable], full[runnable])[0, 1] > 0.99
+    assert np.corrcoef(fast[runnable], full[runnable])[0, 1] > 0.99
 
 
-def test_with_as_many_samples_the_coarse_prediction_is_the_full_one(
-    evaluator: Evaluator, genomes: Array
+def test_with_more_samples_the_coarse_prediction_is_the_full_one(
+    evaluator: Evaluator, genomes: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A tension that is free at each of 229 samples, or a spline through 240."""
+    """A tension that is free at each of 114 samples, or a spline through 240."""
+    monkeypatch.setattr(coarse, "STEP", 0.5)
     fine = replace(evaluator, coarse=coarse_predictor(evaluator.predictor, samples=114))
     full = objective(evaluator, genomes[0])
     assert objectives(fine, genomes[:1])[0] == pytest.approx(full, abs=0.06)

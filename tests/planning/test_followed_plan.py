@@ -9,13 +9,18 @@ import numpy as np
 import pytest
 import yaml
 
+from ballbar.cell.errors import DescriptionError, InputError
 from ballbar.cell.geometry import robot_geometry
 from ballbar.cell.load import load_instrument, load_robot
-from ballbar.planning.crlb import PathPrediction
+from ballbar.planning.candidate import PathCandidate
+from ballbar.planning.crlb import PathPrediction, predict
+from ballbar.planning.evaluation import evaluators
 from ballbar.planning.followed_path import RATE, TARGET, followed, predict_followed
-from ballbar.planning.request import PlanRequest
+from ballbar.planning.plan import PathPlan, assess
+from ballbar.planning.request import PlanRequest, load_request
 from ballbar.planning.trajectory import Passage
 from ballbar.scenario import load_scenario
+from ballbar.sim.path_files import load_lissajous
 from tests.helpers.command_line import ballbar
 from tests.helpers.followed_robot import DH, FollowedRobot, flange
 
@@ -30,7 +35,7 @@ REQUEST = {
 def predicted(made: FollowedRobot, seconds: float, **cell: str) -> PathPrediction:
     """The prediction of a motion that nothing of the product has made."""
     request = PlanRequest.model_validate({**REQUEST, "cell": REQUEST["cell"] | cell}, strict=False)
-    setup = followed(request)
+    setup = followed(request, request.cell.instrument)
     assert setup is not None
     t = np.arange(0.0, seconds, 0.1)
     passage = Passage(robot_geometry(load_robot("ur10e")), t, np.zeros((t.size, 5)), made.angles(t))
@@ -106,3 +111,43 @@ def test_results_before_are_refused_for_an_instrument_that_follows(tmp_path: Pat
     )
     assert code == 2
     assert "result of still poses" in err or "of poses" in err
+
+
+def planned(*changes: str) -> PathPlan:
+    """The planned path of an IRB 2400 on a ball-bar, as a request with changes predicts it."""
+    request = load_request(SHIPPED.parent / "plans" / "irb2400.yaml", overrides=changes)
+    assert isinstance(request, PlanRequest)
+    (evaluator,) = evaluators(request).values()
+    scenario = load_scenario(SHIPPED.parent / "irb2400_planned.yaml")
+    place = np.array(scenario.cell.ballbar_position_m)
+    return assess(evaluator, PathCandidate(load_lissajous(SHIPPED / "irb2400_planned.yaml"), place))
+
+
+@pytest.mark.slow
+def test_a_tracker_beside_a_ball_bar_counts_in_what_is_predicted() -> None:
+    """It adds information in every direction, and tells the scale, which no ball-bar does."""
+    alone, both = planned(), planned("cell.tracker=tracker_point")
+    assert alone.scale_adds > 1e-5
+    assert both.scale_adds == 0.0
+    assert (both.tcp < np.hypot(alone.tcp, alone.scale_adds)).all()
+    on = replace(both.evaluator.predictor, exact_scale=False)
+    assert both.forces is not None
+    bar, joined = predict(on, both.trajectory, both.forces.tension[0]), both.predictions[0]
+    shared = [joined.layout.names.index(name) for name in bar.layout.names]
+    scale = np.outer(bar.layout.sigma, bar.layout.sigma)
+    gained = (bar.covariance - joined.covariance[np.ix_(shared, shared)]) / scale
+    assert np.linalg.eigvalsh(gained).min() > -1e-9
+    assert joined.sigma["ra6"] < 0.8 * bar.sigma["ra6"]
+
+
+@pytest.mark.parametrize("name", ["lund_600", "qc20w_300"])
+def test_what_follows_no_target_is_refused_as_a_tracker(name: str) -> None:
+    with pytest.raises(InputError, match="follows no target"):
+        planned(f"cell.tracker={name}")
+
+
+def test_a_tracker_stands_beside_a_ball_bar_alone(tmp_path: Path) -> None:
+    request = {**REQUEST, "cell": REQUEST["cell"] | {"tracker": "tracker_pose"}}
+    (tmp_path / "request.yaml").write_text(yaml.safe_dump(request))
+    with pytest.raises(DescriptionError, match="stands beside a ball-bar"):
+        load_request(tmp_path / "request.yaml")

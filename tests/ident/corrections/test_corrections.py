@@ -56,6 +56,7 @@ def state() -> State:
             bearing=rng.normal(0.0, 50.0, (BEARINGS, 2, N)),
             bearing_per_newton=rng.normal(0.0, 0.5, (BEARINGS, 2, N)),
             rubbed=rng.normal(0.0, 1.0, (6, N)),
+            on_bar=rng.normal(0.0, 1.0, (6, N)),
         ),
         tension=rng.normal(0.0, 4.0, N),
         width=backlash_transition(CELL.robot),

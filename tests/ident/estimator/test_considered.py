@@ -57,7 +57,9 @@ def elastic_fit() -> Fit:
     path, columns = minute(), [j - 1 for j in UNIVERSAL_AND_GIMBAL]
     still = np.zeros_like(path.q)
     pull = 30.0 * np.sin(path.t)
-    load = loads(mass_model(CELL), NOMINAL, path.q, path.b, still, still).gears(pull)
+    load = loads(
+        mass_model(CELL), NOMINAL, q=path.q, b=path.b, speed=still, acceleration=still
+    ).gears(pull)
     logged = path.q + (load / STIFFNESS[:, None]).T @ CELL.robot.gear_to_joint
     times = np.linspace(3.0, 57.0, 200)
     samples = samples_of(

@@ -106,7 +106,14 @@ def test_the_loads_are_those_of_the_arm_as_it_is_bent(machine: CompleteModel) ->
     masses, geometry = machine.model.masses, machine.model.unknowns.geometry(machine.x, 0)
     assert masses is not None
     as_logged, as_bent = (
-        loads(masses, geometry, q, machine.ballbar, motion.speed, motion.acceleration).gear
+        loads(
+            masses,
+            geometry,
+            q=q,
+            b=machine.ballbar,
+            speed=motion.speed,
+            acceleration=motion.acceleration,
+        ).gear
         for q in (motion.q, motion.q + point.bent)
     )
     off = np.abs(loads_of(point).gear - as_bent).max(axis=1)

@@ -19,6 +19,7 @@ from ballbar.ident.estimator.time_blocks import BLOCK, NONE, block_numbers
 from ballbar.ident.estimator.uncertainty import (
     autocorrelation,
     correlated_groups,
+    correlation_time,
     doubted_shift,
     inflation_factors,
     observability,
@@ -266,3 +267,17 @@ def test_what_stands_beyond_its_prior_widens_what_is_stated() -> None:
 
     np.testing.assert_array_equal(shift([1e-5, 0.0, 5e-3]), 0.0)
     np.testing.assert_allclose(shift([4e-5, 0.0, 5e-3]), [4e-5, 1e-5, 0.0])
+
+
+@pytest.mark.parametrize("time", [0.05, 0.3])
+@pytest.mark.parametrize("white", [0.0, 2.0])
+def test_the_correlation_time_is_that_of_a_drawn_process(time: float, white: float) -> None:
+    """With and without white noise beside it; of white noise alone it is a row."""
+    rng, t = np.random.default_rng(4), 0.01 * np.arange(40_000)
+    values, keep = rng.normal(size=(3, t.size)), np.exp(-0.01 / time)
+    only_white = values.copy()
+    for k in range(1, t.size):
+        values[:, k] = keep * values[:, k - 1] + np.sqrt(1.0 - keep**2) * values[:, k]
+    values += white * rng.normal(size=values.shape)
+    assert correlation_time(values, t) == pytest.approx(time, rel=0.25)
+    assert correlation_time(only_white, t) < 0.05

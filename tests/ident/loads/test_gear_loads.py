@@ -90,7 +90,9 @@ def test_at_rest_the_servos_give_what_the_loads_ask_for() -> None:
     held = equilibrium(plant, q[0] @ cell.robot.joint_to_gear, q[0], b[0])
     servo = gains.kp * (q[0] @ cell.robot.joint_to_gear - held.motor @ cell.robot.joint_to_gear)
     still = np.zeros((1, 6))
-    carried = loads(mass_model(cell), geometry, held.q[None], held.b[None], still, still)
+    carried = loads(
+        mass_model(cell), geometry, q=held.q[None], b=held.b[None], speed=still, acceleration=still
+    )
     assert abs(held.rod_force) > 10.0
     assert carried.gears(np.array([held.rod_force]))[:, 0] == pytest.approx(
         servo, abs=2e-4 * np.abs(servo).max()
@@ -124,7 +126,9 @@ def test_the_plate_bends_under_what_comes_from_the_ball_bar(moving: Motion) -> N
     hinge = [cell.plate.length - 2.0 / 3.0 * NOMINAL["ra6"], 0.0, cell.plate.tool_offset]
     about_hinge = wrench[3:] - np.cross(hinge, wrench[:3].T).T
     still = np.zeros_like(moving.q)
-    carried = loads(mass_model(cell), NOMINAL, moving.q, moving.b, still, still)
+    carried = loads(
+        mass_model(cell), NOMINAL, q=moving.q, b=moving.b, speed=still, acceleration=still
+    )
     assert carried.plate_moment(force) == pytest.approx(about_hinge[1], abs=1e-9)
 
 

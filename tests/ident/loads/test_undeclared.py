@@ -48,8 +48,14 @@ def test_columns_of_gravity_are_what_its_change_adds_to_the_loads() -> None:
     columns = undeclared_columns(CELL, NOMINAL, robot_frames(NOMINAL, log.q), log)["gravity"]
     change = leaning(90.0).robot.gravity - CELL.robot.gravity
     to_joint = CELL.robot.gear_to_joint
-    motion = log.speed.T @ to_joint, log.acceleration.T @ to_joint
-    leant = loads(mass_model(leaning(90.0)), NOMINAL, log.q, log.ballbar, *motion)
+    leant = loads(
+        mass_model(leaning(90.0)),
+        NOMINAL,
+        q=log.q,
+        b=log.ballbar,
+        speed=log.speed.T @ to_joint,
+        acceleration=log.acceleration.T @ to_joint,
+    )
     expected = leant.gear - level.carried.gear
     np.testing.assert_allclose(np.einsum("k,kjn->jn", change, columns), expected, atol=1e-8)
 

@@ -1,0 +1,93 @@
+"""Uncertainty by periodic errors of the gears that no file lists and no search has found.
+
+Every gear errs by a little at orders that its file does not hold. Amplitudes of a few 1e-6 rad are
+too small for the search (ballbar.ident.estimator.order_search), and what of them the unknowns of a
+fit can take over shows in no residual. They are random effects here: cosine and sine of every whole
+order of every gear, with one variance s^2. With the fit linearised, J of its unknowns x with
+covariance C and A of the amplitudes, the scores h = A' r of the whitened residual r have the
+covariance
+
+    k M + s^2 M M,   M = A' A - A' J C J' A
+
+of which maximum likelihood gives s and the noise k (restricted likelihood: Patterson & Thompson
+1971). The amplitudes c then have the posterior D = (M / k + 1 / s^2)^-1, the unknowns move by
+`-C J' A c`, and the mean square of what is neglected is `D + c c'`, as of terms that were left out
+(ballbar.ident.estimator.left_out).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ballbar.cell.arrays import Array
+from ballbar.ident.corrections.base import GEAR
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.normal_equations import jacobian
+from ballbar.ident.estimator.order_search import ORDERS
+
+# [rad] standard deviations of an amplitude that are tried: a gear errs by nine times as much
+SIZES = np.geomspace(1e-8, 1e-4, 81)
+EVIDENCE = 2.0  # logarithm of the likelihood's ratio that speaks for more than none
+_LEAST = 1e-6  # of the largest eigenvalue: below, an amplitude is all taken over
+
+
+def unlisted_ripple(fit: Fit) -> Array:
+    """(P, K) shifts of the unknowns, each of one standard deviation and independent.
+
+    None where the likelihood of the residual asks for no such error, or the fit is one of
+    kinematics alone.
+    """
+    none = np.zeros((fit.x.size, 0))
+    if not fit.model.corrections:
+        return none
+    waves, mixed, score = _scores(fit)
+    shifts = -fit.covariance @ mixed  # of the unknowns, for each amplitude
+    score += shifts.T @ fit.linear.gradient  # what the search of the fit has left
+    size, directions = np.linalg.eigh(waves + mixed.T @ shifts)
+    size = np.maximum(size, 0.0)
+    along = directions.T @ score
+    ratio, noise = amplitude_variance(size, along)
+    if ratio == 0.0:
+        return none
+    amplitudes = directions @ (along / (size + 1.0 / ratio))
+    root = directions * np.sqrt(noise / (size + 1.0 / ratio))
+    return np.column_stack((shifts @ root, shifts @ amplitudes))
+
+
+def amplitude_variance(size: Array, along: Array) -> tuple[float, float]:
+    """The variance of an amplitude over that of the noise, and the latter; 0 without evidence.
+
+    size : (K,) eigenvalues of the information. along : (K,) scores in their directions.
+    """
+    seen = size > _LEAST * size.max()
+    square, size = along[seen] ** 2 / size[seen], size[seen]
+    ratios = np.concatenate(([0.0], SIZES**2))
+    spread = 1.0 + ratios[:, None] * size
+    noise = (square / spread).mean(axis=1)
+    likelihood = -0.5 * (size.size * np.log(noise) + np.log(spread).sum(axis=1))
+    likelihood[0] += EVIDENCE
+    best = int(np.argmax(likelihood))
+    return float(ratios[best]), float(noise[best])
+
+
+def _scores(fit: Fit) -> tuple[Array, Array, Array]:
+    """The products (K, K) of the columns of the amplitudes, those with the unknowns' (P, K), and
+    the scores (K,); a cosine and a sine of every order of every gear.
+    """
+    model, per_gear, gears = fit.model, 2 * ORDERS, fit.model.gearing.to_gear.shape[1]
+    waves = np.zeros((gears, per_gear, gears, per_gear))
+    mixed = np.zeros((model.unknowns.count, gears, per_gear))
+    score = np.zeros((gears, per_gear))
+    for k, (point, weights, residual) in enumerate(fit.recorded):
+        columns = weights(point.columns[GEAR : GEAR + gears])  # (J, E, N)
+        angles = point.recording.robot.spline(point.robot_time) @ model.gearing.to_gear
+        turned = np.arange(1, ORDERS + 1)[:, None] * angles.T[:, None]  # (J, ORDERS, N)
+        each = np.concatenate((np.cos(turned), np.sin(turned)), axis=1)
+        for block in jacobian(model, fit.linear, k):
+            own, wave = columns[..., block.samples], each[..., block.samples]
+            for j in range(gears):
+                score[j] += wave[j] @ (own[j] * residual[:, block.samples]).sum(axis=0)
+                mixed[:, j] += block.scores(own[j], model, k) @ wave[j].T
+                for i in range(gears):
+                    waves[j, :, i] += wave[j] * (own[j] * own[i]).sum(axis=0) @ wave[i].T
+    return waves.reshape(score.size, -1), mixed.reshape(-1, score.size), score.ravel()

@@ -1,0 +1,87 @@
+"""Errors of gears that no file lists, in the uncertainty of a fit without them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.order_search import ORDERS, LinearModel
+from ballbar.ident.estimator.unlisted_ripple import amplitude_variance, unlisted_ripple
+from ballbar.ident.joint_errors import linearised
+
+SIZE = 1e-6  # [rad]
+
+
+def waves(model: LinearModel) -> Array:
+    """(K, E N) columns of the amplitudes, formed one by one."""
+    return np.array(
+        [
+            (columns * wave(order * angle)).ravel()
+            for columns, angle in zip(model.joints, model.angles, strict=True)
+            for wave in (np.cos, np.sin)
+            for order in range(1, ORDERS + 1)
+        ]
+    )
+
+
+def with_ripple(fit: Fit, size: float) -> tuple[Fit, LinearModel, Array]:
+    """The fit of logs of white noise and ripple of every order, unknowns off by what their priors
+    allow; and the whitened columns of the ripple.
+    """
+    rng, model = np.random.default_rng(1), linearised(fit)
+    columns, flat = waves(model), model.jacobian.reshape(len(model.jacobian), -1)
+    off = fit.model.unknowns.sigma * rng.standard_normal(len(flat))
+    amplitudes = size * rng.standard_normal(len(columns))
+    residual = rng.standard_normal(model.residual.size) + amplitudes @ columns + off @ flat
+    residual -= (fit.covariance @ (flat @ residual)) @ flat
+    model = replace(model, residual=residual.reshape(model.residual.shape))
+    linear = replace(fit.linear, residuals=(model.residual,), gradient=np.zeros(len(flat)))
+    return replace(fit, linear=linear), model, columns
+
+
+def test_the_shifts_are_those_of_the_posterior_of_all_amplitudes(machine_fit: Fit) -> None:
+    fit, model, columns = with_ripple(machine_fit, SIZE)
+    shifts = unlisted_ripple(fit)
+    assert shifts.shape == (fit.model.unknowns.count, len(columns) + 1)
+    flat = model.jacobian.reshape(len(model.jacobian), -1)
+    mixed = flat @ columns.T
+    information = columns @ columns.T - mixed.T @ fit.covariance @ mixed
+    score = columns @ model.residual.ravel()
+    size, directions = np.linalg.eigh(information)
+    ratio, noise = amplitude_variance(np.maximum(size, 0.0), directions.T @ score)
+    assert np.sqrt(ratio * noise) == pytest.approx(SIZE, rel=0.3)
+    posterior = np.linalg.inv(information / noise + np.eye(len(columns)) / (ratio * noise))
+    mean = posterior @ score / noise
+    moved = fit.covariance @ mixed
+    expected = moved @ (posterior + np.outer(mean, mean)) @ moved.T
+    assert np.diag(shifts @ shifts.T) == pytest.approx(np.diag(expected), rel=1e-4)
+
+
+def test_white_noise_and_kinematics_alone_ask_for_none(machine_fit: Fit) -> None:
+    assert unlisted_ripple(with_ripple(machine_fit, 0.0)[0]).shape[1] == 0
+    bare = replace(machine_fit, model=replace(machine_fit.model, corrections=()))
+    assert unlisted_ripple(bare).shape[1] == 0
+
+
+@pytest.mark.parametrize("noise", [1.0, 4.0])
+def test_variances_of_drawn_scores_are_found(noise: float) -> None:
+    rng, size = np.random.default_rng(2), np.geomspace(1e6, 1e14, 480)
+    found = np.array(
+        [
+            amplitude_variance(
+                size, np.sqrt(noise * size + (4e-7 * size) ** 2) * rng.standard_normal(size.size)
+            )
+            for _ in range(20)
+        ]
+    )
+    assert np.median(np.sqrt(found[:, 0] * found[:, 1])) == pytest.approx(4e-7, rel=0.1)
+    assert np.median(found[:, 1]) == pytest.approx(noise, rel=0.1)
+    white = [
+        amplitude_variance(size, np.sqrt(noise * size) * rng.standard_normal(size.size))[0]
+        for _ in range(20)
+    ]
+    assert np.count_nonzero(white) <= 2
