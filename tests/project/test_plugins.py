@@ -130,11 +130,13 @@ def test_an_error_source_of_a_plugin_is_found_again_by_its_correction(result: Pa
 
 def test_the_truth_of_a_run_states_the_errors_of_a_plugin(ballbar: Ballbar, result: Path) -> None:
     """The identified robot is compared with one that has them: without the correction it is off."""
-    words = ("--truth", "recording.truth.yaml", "--json")
     ballbar("identify", "recording", "--corrections", "rod_strain", "--out", "without")
-    errors = [json.loads(ballbar("compare", r, *words)) for r in (result, "without")]
-    found, without = (error["tcp_error_m"]["mean"] for error in errors)
-    assert found < 2e-5 < 5.0 * found < without
+    found, without = (
+        json.loads(ballbar("compare", f"{r}/calibration.yaml", "recording.truth.yaml", "--json"))
+        for r in (result, "without")
+    )
+    found, without = (comparison["tcp_error"]["mean_m"] for comparison in (found, without))
+    assert found < 1e-5 < 5e-5 < without
 
 
 def test_help_and_schema_name_what_plugins_add(ballbar: Ballbar, folder: Path) -> None:
