@@ -34,7 +34,7 @@ class PoseImport:
     description: PosesFile | RecordingFile
     table: PoseTable
     report: ImportReport
-    file: Path  # that describes them
+    file: Path | None = None  # that describes them; None of poses that no file describes
 
 
 def read_poses(path: Path) -> PoseTable:

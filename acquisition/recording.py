@@ -86,6 +86,8 @@ class Recording:
     rows: dict[SourceName, LogRows] = field(default_factory=dict)
     length_log: LengthLog | None = None  # of an instrument whose rod or wire is sensed
     tracker_log: TrackerLog | None = None  # none where nothing follows a target
+    folder: Path | None = None  # None of logs that no file describes
+    name: str = ""  # of such logs
 
 
 def require_folder(folder: Path) -> None:
@@ -132,6 +134,7 @@ def read_recording(folder: Path) -> Recording:
         rows={name: log.rows for name, log in imported.items()},
         length_log=length_log,
         tracker_log=tracker_log,
+        folder=folder,
     )
 
 

@@ -1,6 +1,8 @@
 """Robot calibration with a sensed double ball-bar: what a user of Python needs, under one name.
 
-    from ballbar import BallBarLog, RobotLog, identify, load_cell
+    import ballbar
+
+    result = ballbar.identify("logs")
 
 Each name is imported from its module when it is first used, so `import ballbar` takes milliseconds.
 The names stand in `__init__.pyi`, a line each: `from MODULE import NAME as NAME`.

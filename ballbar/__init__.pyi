@@ -3,9 +3,8 @@
 Type checkers and editors read this file, and the package looks up its names in it.
 """
 
-from ballbar.acquisition.pose_tables import read_poses as read_poses
+from ballbar.acquisition.pose_tables import PoseImport as PoseImport
 from ballbar.acquisition.recording import Recording as Recording
-from ballbar.acquisition.recording import read_recording as read_recording
 from ballbar.cell.descriptions import Cell as Cell
 from ballbar.cell.descriptions import Robot as Robot
 from ballbar.cell.errors import FailureError as FailureError
@@ -18,45 +17,33 @@ from ballbar.cell.load import load_cell as load_cell
 from ballbar.cell.load import load_robot as load_robot
 from ballbar.cell.logs import BallBarLog as BallBarLog
 from ballbar.cell.logs import ForceLog as ForceLog
+from ballbar.cell.logs import LengthLog as LengthLog
 from ballbar.cell.logs import RobotLog as RobotLog
 from ballbar.cell.payload import Payload as Payload
 from ballbar.cell.poses import PoseGroup as PoseGroup
 from ballbar.cell.poses import PoseTable as PoseTable
 from ballbar.cell.robot_angles import controller_to_joints as controller_to_joints
 from ballbar.cell.robot_angles import joints_to_axes as joints_to_axes
-from ballbar.ident.held_out import HeldOut as HeldOut
-from ballbar.ident.held_out import held_out as held_out
-from ballbar.ident.identify import identify as identify
-from ballbar.ident.identify import identify_poses as identify_poses
-from ballbar.ident.identify import identify_together as identify_together
 from ballbar.ident.options import FitOptions as FitOptions
 from ballbar.ident.options import Listener as Listener
 from ballbar.ident.recording_fit import Logs as Logs
-from ballbar.ident.result import Identification as Identification
 from ballbar.ident.robot.accuracy import TcpError as TcpError
 from ballbar.ident.robot.accuracy import accuracy_grid as accuracy_grid
-from ballbar.ident.robot.accuracy import position_error as position_error
 from ballbar.ident.robot.accuracy import tcp_error as tcp_error
 from ballbar.ident.robot.identified import IdentifiedRobot as IdentifiedRobot
 from ballbar.ident.robot.identified import PositionUncertainty as PositionUncertainty
 from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics as IdentifiedKinematics
 from ballbar.ident.robot.identified_kinematics import JointSolutions as JointSolutions
 from ballbar.ident.robot.inverse_calibration import CorrectedTargets as CorrectedTargets
-from ballbar.ident.robot.inverse_calibration import corrected_targets as corrected_targets
 from ballbar.ident.verification import Verification as Verification
-from ballbar.ident.verify_table import verify as verify
+from ballbar.recordings.read import read as read
 from ballbar.result.calibration import Calibration as Calibration
-from ballbar.result.calibration import load_calibration as load_calibration
-from ballbar.result.run_data import RunData as RunData
-from ballbar.result.run_recordings import identify_recordings as identify_recordings
-from ballbar.result.verification import verify_folder as verify_folder
-from ballbar.result.write_calibration import write_calibration as write_calibration
-from ballbar.scenario import Scenario as Scenario
-from ballbar.scenario import load_scenario as load_scenario
-from ballbar.scenario import scenario_file as scenario_file
-from ballbar.sim.recording_files import write_recording as write_recording
+from ballbar.result.calibration import load as load
+from ballbar.result.identify import identify as identify
+from ballbar.result.verification import verify as verify
+from ballbar.run import simulate as simulate
 from ballbar.sim.simulate import Simulation as Simulation
-from ballbar.sim.simulate import simulate as simulate
+from ballbar.sim.still_poses import PoseSimulation as PoseSimulation
 from ballbar.sim.truth import Truth as Truth
 from ballbar.sim.truth import load_truth as load_truth
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ballbar.cell.files import write_whole
 from ballbar.cell.processes import Begin
+from ballbar.ident.options import SILENT
 from ballbar.recordings.check import import_reports
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
 from ballbar.result.run_data import RunData
@@ -22,9 +23,9 @@ def write_outputs(
     out: Path,
     run: RunData,
     *,
-    command: str,
-    replay: bool,
-    progress: Progress,
+    command: str = "ballbar.identify",
+    replay: bool = False,
+    progress: Progress = SILENT.progress,
     begin: Begin = partial,
 ) -> None:
     """Writes calibration.yaml, report.html, with `replay` run.rrd, and of logs import_report.json.
@@ -35,7 +36,7 @@ def write_outputs(
     """
     from ballbar.report.page import write_report  # noqa: PLC0415  imports Jinja
 
-    rows = sum(recording.robot_log.t.size for _, _, recording in run.read)
+    rows = sum(recording.robot_log.t.size for _, recording in run.read)
     if rows > SENT_ROWS or not run.recordings:
         # a second process would hold the logs twice more; poses compute what they cache meanwhile
         begin = partial
@@ -45,8 +46,10 @@ def write_outputs(
         write_calibration(out / CALIBRATION, run)
     except RefusedResultError as error:
         refusal = error
-    if run.recordings:
-        reports = {name: recording for name, _, recording in run.read}
+    if not run.recordings:
+        (out / IMPORT_REPORT).unlink(missing_ok=True)  # of logs that were identified before
+    else:
+        reports = dict(run.read)
         write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     progress("writing the report")
     write_report(out / REPORT, run, command=command)

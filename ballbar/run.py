@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,20 +17,23 @@ from ballbar.cell.files import DESCRIPTIONS, claimed_folder
 from ballbar.cell.pose_file import load_poses_file
 from ballbar.cell.processes import Begin
 from ballbar.cell.recording import load_recording_file
-from ballbar.ident.options import Listener
+from ballbar.ident.options import SILENT, Listener
 from ballbar.plan.found_path import with_found_path
-from ballbar.result.names import HELD_OUT, OUTPUTS, POSE_OUTPUTS, RECORDING
+from ballbar.result.identify import identified
+from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import identify_files
 from ballbar.scenario import (
     SCENARIOS,
     Scenario,
+    load_scenario,
+    scenario_file,
     scenario_path,
     with_copied_descriptions,
     write_scenario,
 )
 from ballbar.sim.recording_files import TABLE, truth_path, write_poses, write_recording
-from ballbar.sim.simulate import Simulation, simulate
+from ballbar.sim.simulate import Simulation
+from ballbar.sim.simulate import simulate as simulate_motion
 from ballbar.sim.still_poses import PoseSimulation, simulate_poses
 from ballbar.trial.nominal_path import recorded_log
 from ballbar.truth.compare import against_simulation
@@ -42,6 +46,42 @@ _TABLE = ("poses.yaml", TABLE, "a table of poses", "real poses", "simulating the
 if TYPE_CHECKING:  # a run without --live imports no viewer
     from ballbar.outputs import Progress
     from ballbar.replay.live import LiveRun
+
+
+def simulate(
+    scenario: str | PathLike[str],
+    folder: str | PathLike[str] | None = None,
+    *,
+    overrides: Sequence[str] = (),
+) -> Simulation | PoseSimulation:
+    """The simulated cell of a scenario, with its truth, motion or poses.
+
+    scenario : a path, or the name of a shipped one. folder : to which its recording or table of
+        poses is written, and beside it truth and scenario; by default nowhere. overrides : texts
+        `KEY=VALUE`, such as `seed=2`, that replace values of the scenario.
+
+    Raises InputError when the scenario cannot be run, or when `folder` holds something else.
+    """
+    file = scenario_file(Path(scenario))
+    chosen = load_scenario(file, overrides=overrides)
+    if folder is not None:
+        return simulate_scenario(chosen, file, Path(folder), progress=SILENT.progress)
+    with tempfile.TemporaryDirectory() as temporary:
+        return _simulated(chosen, file.parent, Path(temporary))[1]
+
+
+def _simulated(
+    scenario: Scenario, files: Path, temporary: Path, live: LiveRun | None = None
+) -> tuple[Scenario, Simulation | PoseSimulation]:
+    """The scenario with a path where it names none, and its simulation.
+
+    files : folder of the scenario's file. temporary : folder for a path that is found.
+    """
+    whole = with_found_path(scenario, files, temporary / "path.yaml")
+    if whole.path is None:
+        return whole, simulate_poses(whole, relative_to=files)
+    moved, log = live.moved if live else None, recorded_log(whole.path, files)
+    return whole, simulate_motion(whole, relative_to=files, recorded=log, on_motion=moved)
 
 
 def simulate_scenario(
@@ -59,21 +99,11 @@ def simulate_scenario(
     Raises InputError when the scenario cannot be run, or when `folder` holds something else, or
     what was really measured.
     """
-    simulation: Simulation | PoseSimulation
     with (
         _simulating(scenario_file, folder, progress, still=scenario.path is None) as files,
         tempfile.TemporaryDirectory() as temporary,
     ):
-        whole = with_found_path(scenario, files, Path(temporary) / "path.yaml")
-        if whole.path is None:
-            simulation = simulate_poses(whole, relative_to=files)
-        else:
-            simulation = simulate(
-                whole,
-                relative_to=files,
-                recorded=recorded_log(whole.path, files),
-                on_motion=live.moved if live else None,
-            )
+        whole, simulation = _simulated(scenario, files, Path(temporary), live)
         progress("writing the files")
         write_scenario(whole, files, folder)
         copied = with_copied_descriptions(whole, files, folder)
@@ -138,7 +168,7 @@ def run_scenario(
     accept, moves = scenario.accept, scenario.path is not None
     logs = (out / RECORDING, out / HELD_OUT) if moves else (out / RECORDING,)
     known = {
-        *(OUTPUTS if moves else POSE_OUTPUTS),
+        *OUTPUTS,
         *(f.name for log in logs for f in (log, truth_path(log), scenario_path(log))),
     }
     with claimed_folder(out, known, "a run"):
@@ -148,9 +178,8 @@ def run_scenario(
         )
         for other in held_out:
             simulate_scenario(_held_out(scenario), scenario_file, other, progress=progress)
-        data = identify_files(
-            [folder], held_out, settings=scenario.identify, listener=Listener(progress)
-        )
+        options, listener = scenario.identify.options, Listener(progress)
+        data = identified([folder], held_out, options=options, listener=listener)
         comparison = against_simulation(data.identification, simulation)
         outcomes = [validation.outcome for validation in data.validations]
         limits = (

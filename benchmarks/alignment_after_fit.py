@@ -13,10 +13,10 @@ import sys
 
 import numpy as np
 
-from ballbar.ident.identify import identify
 from ballbar.sim.settings import SimulationSettings
 from benchmarks.study import SCENARIOS, kinematic_settings, recorded
 from tests.helpers.clock_truth import clock_error
+from tests.helpers.one_recording import identify
 
 ALLOWED = 100e-6  # [s]
 CASES: dict[str, dict[str, object]] = {

@@ -24,12 +24,10 @@ import numpy as np
 from ballbar.cell.errors import FailureError, InputError
 from ballbar.cell.load import load_robot, robot_names
 from ballbar.cell.typical_machine import arm_length
-from ballbar.ident.options import Listener
-from ballbar.identify_settings import IdentifySettings
 from ballbar.planning.files import SCENARIO, write_plan
 from ballbar.planning.plan import PathPlan, plans
 from ballbar.planning.request import PlanRequest, load_request
-from ballbar.result.run_recordings import identify_files
+from ballbar.result.identify import identify
 from ballbar.robot_file.dh_table import draft_from_table
 from ballbar.robot_file.draft import draft_from_urdf
 from ballbar.robot_file.new_robot import write_robot
@@ -166,7 +164,7 @@ def identified(folder: Path) -> dict[str, object]:
     truth, recording = load_truth(folder / "recording.truth.yaml"), folder / "recording"
     force = truth.rod_force  # type: ignore[union-attr]
     out: dict[str, object] = {"true_low_N": force.min_N, "true_high_N": force.max_N}
-    data = identify_files([recording], [], settings=IdentifySettings(), listener=Listener())
+    data = identify(recording).data
     result = data.identification
     compared, stated = identification_against_truth(result, truth), result.robot.tcp_sigma  # type: ignore[arg-type]
     return out | {

@@ -26,7 +26,6 @@ from ballbar.acquisition.recording import read_recording, read_robot
 from ballbar.cell.clock import Clock
 from ballbar.cell.load import load_robot
 from ballbar.cell.recording import SourceFile
-from ballbar.ident.identify import identify
 from ballbar.ident.options import FitOptions
 from ballbar.ident.signals.smooth_log import smooth_log
 from ballbar.sim.recording_files import write_recording
@@ -35,6 +34,7 @@ from ballbar.truth.compare import identification_against_truth
 from benchmarks.import_speed import write_recording as write_long
 from benchmarks.study import STUDIES, write_table
 from tests.helpers.drawn_robots import SCENARIOS, scenario_of
+from tests.helpers.one_recording import identify
 
 Array = NDArray[np.float64]
 ROBOTS = (("irb2400", 1), ("irb2400", 2), ("irb2400", 3), ("nj220", 1), ("nj220", 2), ("nj220", 3))

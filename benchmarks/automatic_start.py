@@ -23,13 +23,13 @@ from ballbar.acquisition.recording import Recording, read_recording
 from ballbar.cell.errors import InputError
 from ballbar.cell.inverse import UnreachableError
 from ballbar.cell.logs import BallBarLog
-from ballbar.ident.identify import identify
 from ballbar.ident.start.automatic import StartError
 from ballbar.sim.recording_files import write_recording
 from ballbar.sim.settings import SimulationSettings
 from ballbar.sim.simulate import Simulation, simulate
 from ballbar.truth.compare import identification_against_truth
 from benchmarks.study import kinematic_settings, study_parser
+from tests.helpers.one_recording import identify
 
 FITTED = ((1, 2, 3, 4, 5), (1, 2, 4, 5), (1, 2), ())
 BASE = np.array([0.70, 0.0, 0.54])  # [m] ball-bar position of scenarios/irb2400.yaml

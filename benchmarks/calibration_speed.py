@@ -27,7 +27,7 @@ from ballbar.cell.geometry import nominal_geometry
 from ballbar.cell.load import load_cell
 from ballbar.cell.robot_angles import controller_to_joints
 from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics
-from ballbar.result.calibration import Calibration
+from ballbar.result.calibration import load
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.pose_results import write_pose_result
 from tests.helpers.simulated_recordings import perturbed
@@ -48,10 +48,10 @@ def robots(folder: Path) -> dict[str, IdentifiedKinematics]:
             perturbed(nominal, rng, 5e-4),
             corrections=corrections_of(cell, effects, rng),
         )
-        out[f"irb2400, {name}"] = Calibration.load(file).kinematics()
+        out[f"irb2400, {name}"] = load(file).kinematics()
     for name in ("ur10", "panda"):
         poses = write_pose_result(folder / f"{name}.yaml", name, seed=1)
-        out[f"{name}, still poses"] = Calibration.load(poses).kinematics()
+        out[f"{name}, still poses"] = load(poses).kinematics()
     return out
 
 

@@ -43,8 +43,8 @@ import numpy as np
 
 from ballbar.cell.load import load_robot
 from ballbar.cell.statistics import rms
-from ballbar.result.run_recordings import identify_recordings
-from ballbar.scenario import IdentifySettings, load_scenario
+from ballbar.result.identify import identify
+from ballbar.scenario import load_scenario
 from ballbar.sim.live.delivery import EgmRobot, Pace
 from ballbar.sim.live.device_logs import GrowingRecording, device_logs
 from ballbar.sim.live.faults import DWELL, FAULTS, moving_at
@@ -279,7 +279,7 @@ def enough(seed: int, scratch: Path, seconds: float, *, full: bool) -> Enough:
     assert state is not None
     said, estimate = state.enough, state.estimate
     assert estimate is not None
-    data = identify_recordings([growing.folder], settings=IdentifySettings())
+    data = identify(growing.folder).data
     tcp = identification_against_truth(data.identification, made.simulation.truth).tcp
     robot = data.identification.robot
     return Enough(

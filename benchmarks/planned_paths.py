@@ -4,7 +4,7 @@
     python -m benchmarks.planned_paths identified   # 10 drawn robots, everything on, all paths
 
 Paths: scenarios/paths/ROBOT_planned.yaml; ROBOT_a.yaml, the manual path of the thesis's kind
-(notes/mujoco sec. 10); and of the random ones those in the middle, one for each drawn robot (ranks
+(notes/plant sec. 10); and of the random ones those in the middle, one for each drawn robot (ranks
 96 to 105 of 200), so that no single path stands for the median. Four encoders, 120 s, one recording
 a fit, no force or torque signal. Writes docs/studies/planned_paths_random_ROBOT.csv, which holds
 the random paths themselves, and planned_paths_identified_ROBOT.csv.

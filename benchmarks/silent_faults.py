@@ -35,13 +35,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar import identify_recordings
+from ballbar import identify
 from ballbar.acquisition.recording import Recording, read_recording
 from ballbar.cell.errors import FailureError, InputError
+from ballbar.ident.options import FitOptions
 from ballbar.ident.result import Identification
 from ballbar.ident.robot.accuracy import accuracy_grid, position_error
 from ballbar.ident.start.automatic import StartError
-from ballbar.identify_settings import IdentifySettings
 from ballbar.sim.recording_files import write_recording
 from ballbar.sim.simulate import simulate
 from ballbar.sim.truth import Truth as SimulatedTruth
@@ -447,8 +447,8 @@ def identified(
     case = Row("recordings", number, name, fault, channels, rows, "refused")
     begun = time.process_time()
     try:
-        settings = IdentifySettings(samples=SAMPLES)
-        result = identify_recordings(list(folders), settings=settings).identification
+        options = FitOptions(samples=SAMPLES)
+        result = identify(*list(folders), options=options).data.identification
     except np.linalg.LinAlgError:
         return replace(case, outcome="crashed", seconds=time.process_time() - begun)
     except (InputError, StartError, FailureError) as error:

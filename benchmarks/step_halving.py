@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.ident.result import Identification
-from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.identify import identify
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.sim.recording_files import write_recording
 from ballbar.sim.simulate import simulate
@@ -28,7 +28,7 @@ def identified(scenario: Scenario, timestep: float) -> tuple[Identification, flo
     simulation = simulate(settings, relative_to=SCENARIOS)
     with tempfile.TemporaryDirectory() as folder:
         write_recording(simulation, settings, Path(folder) / "recording")
-        result = identify_recordings([Path(folder) / "recording"]).identification
+        result = identify(Path(folder) / "recording").data.identification
     return result, simulation.truth.closure.position_m
 
 

@@ -31,11 +31,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar import identify_recordings
+from ballbar import identify
 from ballbar.acquisition.recording import read_recording
 from ballbar.cell.errors import FailureError, InputError
+from ballbar.ident.options import FitOptions
 from ballbar.ident.start.automatic import StartError
-from ballbar.identify_settings import IdentifySettings
 from benchmarks.silent_faults import Logs, logs_of, spoilt
 from benchmarks.study import STUDIES, study_parser, write_table
 from tests.independent.machine import Effects, Ripple, files
@@ -281,9 +281,9 @@ def row_of(name: str, attack: Attack, seconds: float, folder: Path) -> Row:
     truths = record(attack, seconds, folder)
     begun = time.process_time()
     try:
-        settings = IdentifySettings(rod_sigma_m=ROD_KNOWN)
+        options = FitOptions(rod_sigma=ROD_KNOWN)
         both = [folder / "1", folder / "2"]
-        found = identify_recordings(both, settings=settings).identification
+        found = identify(*both, options=options).data.identification
     except (InputError, StartError, FailureError) as refusal:
         used, said = time.process_time() - begun, str(refusal)
         nothing = (np.nan,) * 4

@@ -30,11 +30,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar import identify_recordings
+from ballbar import identify
 from ballbar.cell.errors import FailureError, InputError
+from ballbar.ident.options import FitOptions
 from ballbar.ident.result import Identification
 from ballbar.ident.start.automatic import StartError
-from ballbar.identify_settings import IdentifySettings
 from benchmarks.study import study_parser, write_table
 from tests.helpers.independent_truth import (
     bound_draws,
@@ -197,10 +197,10 @@ def row_of(robot: int, name: str, case: Case) -> Row:
     """Record one case and identify it."""
     with tempfile.TemporaryDirectory() as scratch:
         folders, truths = _recordings(robot, case, Path(scratch))
-        settings = IdentifySettings(rod_sigma_m=case.rod_known or None)
+        options = FitOptions(rod_sigma=case.rod_known or None)
         begun = time.perf_counter()
         try:
-            found = identify_recordings(folders, settings=settings).identification
+            found = identify(*folders, options=options).data.identification
         except (InputError, StartError, FailureError) as error:
             seconds = time.perf_counter() - begun
             return Row(robot, name, "refused", seconds=seconds, sentence=str(error))

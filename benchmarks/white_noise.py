@@ -35,8 +35,7 @@ from ballbar.ident.estimator.samples import samples_of
 from ballbar.ident.robot.accuracy import accuracy_grid, tcp_error, tcp_sigma
 from ballbar.ident.thesis.paired_samples import SampleFit, fit_samples, through_samples
 from ballbar.ident.verdict import Status
-from ballbar.identify_settings import IdentifySettings
-from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.identify import identify
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.sim.errors.sensor_errors import JointNoise
 from ballbar.sim.errors.static_errors import StaticErrors
@@ -134,7 +133,7 @@ def logged(fitted: tuple[int, ...], duration: float, seed: int) -> list[str]:
     with TemporaryDirectory() as folder:
         recording = Path(folder) / "recording"
         write_recording(simulate(settings, relative_to=SCENARIOS), settings, recording)
-        data = identify_recordings([recording], settings=IdentifySettings())
+        data = identify(recording).data
     verdict = data.identification.verdict
     status = [] if verdict.status is Status.GOOD else [f"verdict: {verdict.sentence}"]
     found = [f for r in data.recordings for f in r.recording.report.findings]

@@ -7,6 +7,7 @@ DH rows are standard, `Rz(theta + q) Tz(d) Tx(a) Rx(alpha)`; matrices act on row
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, overload
@@ -253,3 +254,9 @@ class Cell:
     robot: Robot
     ballbar: BallBar
     plate: Plate
+
+
+def same_contents(first: object, second: object) -> bool:
+    """Whether two descriptions, or parts of them, agree in every name and digit."""
+    with np.printoptions(floatmode="unique", threshold=sys.maxsize):
+        return repr(first) == repr(second)

@@ -188,7 +188,7 @@ def mirrored(geometry: Geometry, joint: int) -> Geometry:
     joint : 2 or 4. The directions of b2 and b4 and the configurations of gimbal and universal joint
         are one gauge: readings `(-e_j, e_others)` of the mirrored geometry give the pose that
         `(e_j, e_others)` gave before, exactly, for an imperfect ball-bar too
-        (notes/start, "Signs and configuration").
+        (notes/identification, "Signs and configuration").
 
     Raises ValueError for another joint.
     """

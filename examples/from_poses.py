@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ballbar import FitOptions, PoseGroup, PoseTable, identify_poses, load_robot, verify
+import ballbar
+from ballbar import FitOptions, PoseGroup, PoseTable, load_robot
 from ballbar.cell.chain import Chain, forward
 
 # 150 poses of a UR10 whose joint 4 has its zero 2 mrad off and whose upper arm is 0.4 mm longer. A
@@ -30,7 +31,7 @@ def measured(q: np.ndarray) -> np.ndarray:
 
 
 def table_of(q: np.ndarray) -> PoseTable:
-    """A table as `read_poses` makes it of files."""
+    """A table as `ballbar.read` makes it of files."""
     group = PoseGroup(
         measured="point",
         seat="tracker",
@@ -44,14 +45,14 @@ def table_of(q: np.ndarray) -> PoseTable:
     return PoseTable("example", robot, (group,))
 
 
-result = identify_poses(table_of(rng.uniform(-2.0, 2.0, (150, 6))), FitOptions(joint_errors="none"))
-print(result.verdict.sentence)
-identified = result.robot.identified  # the robot with its reflector
-print(f"joint 4 zero: {(identified.chain.theta[3] - robot.theta[3]) * 1e3:+.3f} mrad")
-print(f"upper arm: {(identified.chain.a[1] - robot.a[1]) * 1e3:+.3f} mm")
+table = table_of(rng.uniform(-2.0, 2.0, (150, 6)))
+result = ballbar.identify(table, options=FitOptions(joint_errors="none"))
+print(result.sentence)
+print(f"joint 4 zero: {(result.chain.theta[3] - robot.theta[3]) * 1e3:+.3f} mrad")
+print(f"upper arm: {(result.chain.a[1] - robot.a[1]) * 1e3:+.3f} mm")
 
-q = rng.uniform(-1.5, 1.5, (3, 6))
-points, sigmas = identified.tool(q), identified.sigma(q)  # [m] in the robot's base frame
+q, arm = rng.uniform(-1.5, 1.5, (3, 6)), result.kinematics()  # of the robot with its reflector
+points, sigmas = arm.forward(q)[:, :3, 3], arm.uncertainty(q).sigma  # [m] robot base frame
 for point, sigma in zip(points, sigmas, strict=True):
     print(f"reflector at {np.round(point, 4)} m, sigma {sigma * 1e3:.3f} mm")
 
@@ -59,5 +60,4 @@ for point, sigma in zip(points, sigmas, strict=True):
 shown = rng.uniform(-1.8, 1.8, (10, 6))
 later = table_of(shown + np.array([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0]))
 later = replace(later, groups=(replace(later.groups[0], q=shown),))
-targets = {"reflector": identified.target}
-print(verify(identified, targets, result.poses.cross_validation.mean, later).sentence)
+print(ballbar.verify(result, later).sentence)

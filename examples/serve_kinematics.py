@@ -4,7 +4,7 @@
 
 A ROS 2 node keeps the object and answers in a callback; nothing else of this project is needed:
 
-    robot = Calibration.load("runs/irb2400").kinematics()
+    robot = ballbar.load("runs/irb2400").kinematics()
 
     def on_joint_states(self, message: JointState) -> None:
         q = np.array([message.position[:6]])  # [rad], joints of the DH model
@@ -16,12 +16,12 @@ import sys
 
 import numpy as np
 
-from ballbar import Calibration, controller_to_joints
+import ballbar
 
-robot = Calibration.load(sys.argv[1]).kinematics()
+robot = ballbar.load(sys.argv[1]).kinematics()
 
 axes = np.radians([[0.0, 10.0, 10.0, 30.0, 60.0, 20.0]])  # as the controller shows them
-q = controller_to_joints(robot.robot, axes)
+q = ballbar.controller_to_joints(robot.robot, axes)
 pose = robot.forward(q)
 print(f"tool at {np.round(pose[0, :3, 3] * 1e3, 3)} mm, with gears wound up by the arm's weight")
 

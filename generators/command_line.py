@@ -26,43 +26,50 @@ Written by `python -m generators.command_line` from the texts of `--help`; do no
 
 **Exit codes.** 0: done. 1: the command ran, but its result is not acceptable; the first line says
 why. 2: bad input; the message names file, line and key, and the remedy. 3: a fault of the program,
-whose details are written to a file to be reported, or too little memory. A result that was fitted
-and that its own reader then refuses is such a fault; it is kept whole in calibration.refused.yaml
-in place of calibration.yaml. 130: ended by Ctrl-C or SIGTERM, but `record`, `watch` and the search
-of `plan`, which then go on to their result.
+whose details are written to a file to be reported, or too little memory; a result that its own
+reader refuses is kept in calibration.refused.yaml. 130: ended by Ctrl-C or SIGTERM, but `record`,
+`watch` and the search of `plan`, which then go on to their result.
 
-**Output.** Results go to standard output, everything else to standard error.
+**Output.** Results go to standard output, everything else to standard error. `--quiet`, `-q`
+leaves nothing but errors, and the JSON if `--json` is given. `--verbose`, `-v` prints each stage
+with the second at which it began. Both may stand before or behind the name of the command. In a
+pipe there are no colours and no progress bars (`FORCE_COLOR=1` keeps colours, `NO_COLOR=1` leaves
+them out). Ctrl-C leaves no half-written file; a sweep continues from the runs that are done.
 
-**`--json`** of commands with a result prints it for a program: SI units, keys that carry them. The
-exit code is the same.
+**`--set KEY=VALUE`** of commands that take a scenario, a sweep or a plan request replaces the value
+of a dotted key, such as `seed=2`; it may be repeated.
 
-```sh
-ballbar compare runs/irb2400/calibration.yaml runs/irb2400/recording.truth.yaml --json
-```
-
-**`--quiet`, `-q`** leaves nothing but errors, and the JSON if `--json` is given. **`--verbose`,
-`-v`** prints each stage with the second at which it began, also in a pipe. Both may stand before or
-behind the name of the command.
-
-**Colours** are for a terminal: in a pipe or a file there are none. `FORCE_COLOR=1` keeps them (for
-`less -R`, or logs of continuous integration), `NO_COLOR=1` switches them off. Progress bars are
-drawn on a terminal only.
-
-**Ctrl-C** leaves no half-written file: each file is written aside and renamed when it is complete.
-What an earlier run had left stays. A sweep keeps the runs that are done, and the same command
-continues from there.
-
-**Completion** of commands and options, for bash, zsh, fish and PowerShell, once per shell:
-
-```sh
-ballbar --install-completion
-```
-
-`ballbar --show-completion` prints the script instead. `ballbar --version` prints the release and a
+**Completion** for bash, zsh, fish and PowerShell: `ballbar --install-completion`, or
+`ballbar --show-completion`, which prints the script. `ballbar --version` prints the release and a
 digest of the code.
-"""
+
+Below stand purpose, usage and options of each command; its `--help` says more.
+
+## Fields of --json
+
+`--json` prints the result as one JSON value (`watch`: one a line): SI units, keys that carry them.
+The exit code is the same. `comparison`, `plant` and `limits` are null or empty for a real cell.
+
+|command|fields|
+|---|---|
+|`run`, `identify`|`acceptable`; `sentence`: the verdict; `folder`, `files`; `calibration`: content of [calibration.yaml](calibration_file.md); `plant`: largest loop-closure error `closure_position_m`, `closure_angle_rad`, and `rod_force_min_N`, `rod_force_max_N` (pull is positive), of still poses a sentence; `comparison`; `limits`: `what`, `measured`, `allowed`, `unit` (the only numbers not in SI), `met`|
+|`compare`|fields of `comparison`: `tcp_error`, `tcp_error_nominal`: `mean_m`, `max_m`, `mean_without_scale_m` over the workspace; `deviations`: estimated minus true of each parameter; `distance`: their Euclidean norm; `clock_offset_error_s`, `clock_skew_error`|
+|`simulate`|`recording`, `truth`: paths; `plant`; `limits`; of still poses `force_N` in place of `limits`|
+|`plan`|`acceptable`; `folder`, `files`; `plan`: content of plan.yaml|
+|`rehearse`|content of rehearsal.json: `acceptable`; `scenario`, `robot`, `measured_by`, `seed`, `speed`, `fault`; `wall_time_s`; `stages`: `name`, `sentence`, `met`, `wall_time_s`, `figures`; `limits`|
+|`sweep`|`finished`; `runs`, `done`; `folder`; `table`, `csv`, `failed`, `commonest_failure`; `points`: `values`, `runs`, `failed`, `results` (`median`, `q95`) of the columns of [the table](sweeps.md)|
+|`claims`|of each file `title` and `claims`: `name`, `source`, `says`, `verdict`, `passed`, checks|
+|`check`, `new`|of each file what was read; findings, logs, coarse clock; `new` also `recording`|
+|`record`|`recording`; `sources`: counts, losses and events; `missing`; with `--identify` `identified`, the last line of `watch`, or `identification_ended`: why there is none|
+|`watch`|`recorded_s`; `rows` by source; `waiting`; `alarms`: `kind`, `sentence`, `raised` [s], `subject`; `verdict`, `model`, `identified_until_s`; `tcp_sigma_m`, `tcp_sigma_without_scale_m`, `tcp_sigma_end_m`; clock; `noise` [rad]; `sphere_covered`, `axes_covered` (0 to 1); `predicted`, `enough`|
+|`verify` of a recording|`holds`, `comparable` (false: cannot tell, exit code 2), `sentence`, `warnings`; `position_rms_m`, `angle_rms_rad`; `normalised_innovation`: residual over what noise and stated uncertainty explain; `chi2_per_dof_with_free_machine`; `log_bayes_factor` of a change, `limit`; `causes`: `kind`, `axis`, `parameters`, `size`, `sigma`, `log_bayes_factor`, `named`|
+|`verify` of still poses|`holds`, `comparable`, `sentence`, `warnings`; `poses`, `poses_outside_fitted_ranges`; `mean_error_m`, `expected_mean_error_m`, `largest_mean_error_m`; `sum_of_squares`, `degrees_of_freedom`, `limit`; `causes`: `kind`, `name`, `size`, `sigma`, `sum_of_squares_left`, `named`|
+|`correct` of a program|`files`; `targets`: `file`, `name`, `line`, `position_error_m`, `angle_error_rad`, `axis_correction_rad`, `left_in_the_model_m`; `notes`|
+|`correct` of a table|`file`, `targets`, `included`, `warnings`, `predicted_position_error_m`, `predicted_angle_error_rad` (`mean`, `max`), `left_in_the_model_m`, `largest_axis_correction_rad`|
+|`list`|`robots`, `ballbars`, `instruments`, `plates`, `dialects`, `scenarios`: names and titles|
+"""  # noqa: E501  rows of a table
 _KINDS = {int: "whole number", float: "number", str: "text", Path: "path"}
-_SHARED = {"--quiet", "--verbose"}  # at the head of the page
+_SHARED = {"--quiet", "--verbose", "--json", "--set"}  # at the head of the page
 
 
 def page_text() -> str:
@@ -91,23 +98,18 @@ def _commands(app: typer.Typer) -> Iterator[tuple[str, CommandInfo]]:
 
 
 def _command(name: str, command: CommandInfo) -> Iterator[str]:
-    """Heading, purpose, usage, arguments, options, example."""
+    """Heading, usage, purpose, arguments, options, example."""
     function = command.callback
     assert function is not None
     parameters = list(_parameters(function))
     usage = " ".join(text for text, kind, _ in parameters if kind is ArgumentInfo)
-    yield f"\n### {name}\n\n"
-    yield f"```sh\nballbar {name} {usage}\n```\n\n"
-    yield "\n\n".join(" ".join(part.split()) for part in _paragraphs(function)) + "\n"
+    yield f"\n### {name}\n\n`{' '.join(filter(None, ('ballbar', name, usage)))}`\n\n"
+    yield " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split()) + "\n"
     rows = [row for _, _, row in parameters if row]
     if rows:
-        yield "\n| | values | default | meaning |\n|---|---|---|---|\n" + "".join(rows)
+        yield "\n| |values (default)|meaning|\n|---|---|---|\n" + "".join(rows)
     if command.epilog:
         yield f"\n{command.epilog}\n"
-
-
-def _paragraphs(function: Callable[..., Any]) -> list[str]:
-    return (inspect.getdoc(function) or "").split("\n\n")
 
 
 def _parameters(function: Callable[..., Any]) -> Iterator[tuple[str, type, str]]:
@@ -125,10 +127,10 @@ def _parameters(function: Callable[..., Any]) -> Iterator[tuple[str, type, str]]
             names = [text for text in declared if isinstance(text, str)]
             shown = ", ".join(names or [f"--{parameter.name.replace('_', '-')}"])
             typed = shown
-        default = "" if optional else "required"
-        if optional and parameter.default not in (None, False):
-            default = f"`{parameter.default}`"
-        row = f"| `{shown}` | {_values(hint, info)} | {default} | {_text(info.help)} |\n"
+        values = _values(hint, info)
+        if optional and parameter.default not in (None, False, ""):
+            values += f" (`{parameter.default}`)"
+        row = f"|`{shown}`|{values}|{_text(info.help)}|\n"
         yield typed, type(info), "" if shown in _SHARED else row
 
 

@@ -46,7 +46,6 @@ from ballbar.identifiability import (
     vector_text,
 )
 from ballbar.scenario import load_scenario
-from ballbar.sim.errors.static_errors import THESIS_3_1
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS, PAGE = ROOT / "scenarios", ROOT / "docs" / "identifiability.md"
@@ -60,21 +59,14 @@ THESIS_SAMPLES = 1500  # thesis sec. 3.5; an absolute limit depends on how many 
 
 INTRODUCTION = """# Identifiability: what each cost determines, beside thesis Tables 3.2 to 3.5
 
-Written by `python -m generators.identifiability_page`; do not edit. The same for one cost, any
-scenario and encoder set: `ballbar identifiability scenarios/irb2400.yaml --cost transform`
-(`--cost all`, `--encoders 1,2,4,5`, `--complete`, `--json`).
+Written by `python -m generators.identifiability_page`; do not edit. The same for any scenario,
+cost and encoder set: `ballbar identifiability scenarios/irb2400.yaml --cost all`.
 
-**Criterion.** Signed components of each cost, on the nominal mechanism closed exactly along the
-scenario's path. Columns are compared at unit length. A direction is missing when its singular value
-is below 1e-6 of the largest. Nothing lies near that limit: the weakest direction counted has
-{weakest:.0e}, none that is ignored reaches {strongest:.0e} (all robots, costs and encoder sets
-below). The thesis (sec. 3.2) took the printed scalar costs with 10 urad of noise on the angles and
-1e-6 as absolute limit: see "The thesis's recipe" below.
-
-**Notation.** `a | b`: one of them can be identified, the others must be given. `a + b`: they move
-together. A null vector states what has the same effect as a unit change of its left side, in m and
-rad. Robot: IRB 2400, `scenarios/irb2400.yaml` (path `scenarios/paths/irb2400_a.yaml`), unless
-stated otherwise. Numbers in brackets: differences, explained below the tables.
+Signed components of each cost on the nominal mechanism along the scenario's path, columns at unit
+length. A direction is missing when its singular value is below 1e-6 of the largest; nothing lies
+near: the weakest counted has {weakest:.0e}, none that is ignored reaches {strongest:.0e}. `a | b`:
+one can be identified, the others must be given. `a + b`: they move together. Numbers in brackets:
+differences, explained below.
 """
 
 REASON_OF = {  # (table, parameter, parameter that it moves or ""): key of _reasons
@@ -205,25 +197,16 @@ def _reasons(loop: KinematicLoop, studies: Mapping[str, Study]) -> dict[str, str
     moved = reidentified(loop, "position", (1, 2), position.selected, "balpha2")
     vector = vector_text(about_axis_1.vectors[0])
     return {
-        "origin": "The ball-bar of this scenario stands at y = 0, so turning it about axis 1 moves "
-        "it along y alone. In general the null vector is `rtheta1 = -btheta1 + oy ox - ox oy`, "
-        "with the position of the ball-bar as coefficients. With everything turned "
-        f"{TURN_DEG:.0f} deg about axis 1 it is `{about_axis_1}`, `{vector}`.",
-        "btheta1": "`btheta1` belongs to the group wherever b1 is measured: a ball-bar turned "
-        "about axis 1 turns its own encoder offset along. Table 3.2 leaves it out; Table 3.4 and "
-        "its text have it.",
-        "ba2": "Not printed, and exact whatever the path: `ba2` shifts the rod along x2, `btheta2` "
-        "turns it about z1. With balpha2 at 90 deg both move its end along x2, by 1 m per m and by "
-        f"bd3 = {loop.geometry['bd3']:g} m per rad: `{ba2}`. The costs that measure b4 and b5 "
-        "observe the turn of the rod as well and distinguish them. The list of removed parameters "
-        "in sec. 3.3 lacks `ba2` too, though the thesis's recipe finds it (below); the damping of "
-        "Levenberg-Marquardt lets such a direction pass.",
-        "scale": f"The {_scaled(position)} kept lengths that are not zero, each in proportion to "
-        f"itself, of {len(position.selected)} parameters kept with C_P. Angles and lengths of zero "
-        "stay, so it is not most of them.",
-        "balpha2": f"With `balpha2` off by 1 mrad, `bd2` moves by {moved['bd2']:+.3f} mm and `bd3` "
-        f"by {moved['bd3']:+.4f} mm: second order, as Table 3.2 has it (`bd2 | balpha2`, no "
-        "`bd3`).",
+        "origin": "The ball-bar stands at y = 0, so turning it about axis 1 moves it along y "
+        f"alone. With everything turned {TURN_DEG:.0f} deg it is `{about_axis_1}`, `{vector}`.",
+        "btheta1": "A ball-bar turned about axis 1 turns its own encoder offset along, which Table "
+        "3.4 has too.",
+        "ba2": f"Not printed, and exact whatever the path: with balpha2 at 90 deg, `{ba2}`, since "
+        f"the rod is bd3 = {loop.geometry['bd3']:g} m. The recipe of the thesis finds it (below).",
+        "scale": f"The {_scaled(position)} kept lengths that are not zero, of "
+        f"{len(position.selected)} parameters kept with C_P: not most of them.",
+        "balpha2": f"`bd2` moves by {moved['bd2']:+.3f} mm and `bd3` by {moved['bd3']:+.4f} mm: "
+        "second order.",
     }
 
 
@@ -259,55 +242,19 @@ def by_thesis_recipe(
 
 def _recipe(loop: KinematicLoop, studies: Mapping[str, Study]) -> Iterator[str]:
     yield from ("## The thesis's recipe", "")
-    yield (
-        "Printed scalar, nominal parameters, 10 urad of noise on the angles; what has less than "
-        "1e-6 on the diagonal of R is left out."
-    )
-    yield (
-        f"{THESIS_SAMPLES} samples. Angles of the nominal mechanism, then of one with the errors "
-        "of Table 3.1. Against the list above:"
-    )
-    yield from (
-        "",
-        "| cost | nominal | Table 3.1 | largest R of those left out above, nominal | smallest R of "
-        "those kept |",
-        "|---|---|---|---|---|",
-    )
-    table_3_1 = {name: value * 1e-3 for name, value in THESIS_3_1.items()}
+    differences = []
     for cost in ENCODERS_NEEDED:
         s = studies[cost].selection
         left_out = {*s.without_effect, *(d.name for d in s.dependent)}
-        nominal, erroneous = (
-            by_thesis_recipe(loop, cost, errors={}),
-            by_thesis_recipe(loop, cost, errors=table_3_1),
-        )
-        verdicts = [
-            _more_or_less({name for name, r in diagonal.items() if r < THESIS_LIMIT}, left_out)
-            for diagonal in (nominal, erroneous)
-        ]
-        sizes = (
-            f"{max(nominal[name] for name in left_out):.0e} | "
-            f"{min(nominal[name] for name in s.selected):.0e}"
-        )
-        yield f"| {THESIS_COSTS[cost]} | {' | '.join(verdicts)} | {sizes} |"
-    yield ""
+        diagonal = by_thesis_recipe(loop, cost, errors={})
+        below = {name for name, r in diagonal.items() if r < THESIS_LIMIT}
+        differences.append(f"{THESIS_COSTS[cost]} {_more_or_less(below, left_out)}")
     yield (
-        "The scalars of C_P, C_Ptheta and C_T have the Jacobian `2 e de`, which vanishes where the "
-        "loop closes. Noise in e makes it about"
+        "Printed scalar, nominal parameters, 10 urad of noise on the angles; what has less than "
+        f"1e-6 on the diagonal of R is left out. {THESIS_SAMPLES} samples, against the list above: "
+        f"{'; '.join(differences)}. The scalars of all but C_l have a Jacobian that vanishes where "
+        "the loop closes, so noise makes the absolute limit a loose relative one."
     )
-    yield (
-        "1e-5 of the columns of the signed components, and the absolute limit a loose relative "
-        "one, some thousandths: so the recipe finds"
-    )
-    yield (
-        "what is exact here. C_l has no such factor, and its scale direction stays above the "
-        "limit. With the errors of Table 3.1 in the"
-    )
-    yield (
-        "angles e is of the order of 1 mm, and what holds only where the loop closes (scale, "
-        "`ba5`, `bd5`) is not found. `ba2`, which the"
-    )
-    yield "thesis does not print, is found with C_P in both cases."
     yield ""
 
 
@@ -322,12 +269,12 @@ def _reason(table: str, name: str, moved: str = "") -> str:
 
 
 def _zero_jacobians(studies: Mapping[str, Study]) -> Iterator[str]:
-    yield from ("## Zero Jacobian (Table 3.3)", "", "| cost | here | thesis |", "|---|---|---|")
+    yield from ("## Zero Jacobian (Table 3.3)", "", "|cost|here|thesis|", "|---|---|---|")
     for cost, title in THESIS_COSTS.items():
         ours = studies[cost].selection.without_effect
         if set(ours) != TABLE_3_3[cost]:
             raise ValueError(f"Table 3.3: {cost} differs from the thesis and nobody has said why")
-        yield f"| {title} | {_code(shortened(ours)) or 'none'} | the same |"
+        yield f"|{title}|{_code(shortened(ours)) or 'none'}|the same|"
     yield ""
 
 
@@ -336,12 +283,9 @@ def dependency_lines(studies: Mapping[str, Study], notes: Footnotes) -> Iterator
 
     Raises ValueError for a difference without an entry in REASON_OF.
     """
-    yield from (
-        "## Dependencies (Table 3.2)",
-        "",
-        "| cost | here | null vectors | thesis |",
-        "|---|---|---|---|",
-    )
+    head = "|here|null vectors|costs|thesis|"
+    yield from ("## Dependencies (Table 3.2)", "", head, "|---|---|---|---|")
+    rows: dict[tuple[str, str, str], list[str]] = {}
     for cost, title in THESIS_COSTS.items():
         vectors = {
             str(group): "; ".join(map(vector_text, group.vectors)) for group in studies[cost].groups
@@ -349,14 +293,14 @@ def dependency_lines(studies: Mapping[str, Study], notes: Footnotes) -> Iterator
         for ours, theirs, different in missing_and_extra(studies[cost].groups, TABLE_3_2[cost]):
             printed = "the same" if not different else _cell(theirs) or "not printed"
             mark = notes.mark([_reason("3.2", name) for name in different])
-            yield (
-                f"| {title} | {_cell(ours) or 'not found'} | {_cell(vectors.get(ours, ''))} | "
-                f"{printed}{mark} |"
-            )
+            row = (_cell(ours) or "not found", _cell(vectors.get(ours, "")), f"{printed}{mark}")
+            rows.setdefault(row, []).append(title)
+    for (ours, vector, printed), costs in rows.items():
+        yield f"|{ours}|{vector}|{', '.join(costs)}|{printed}|"
     yield ""
     yield (
-        "The thesis does not print the inverse kinematics in C_Ptheta; "
-        "`ident/thesis/universal_joint.py` has the reading that gives its row."
+        "The inverse kinematics in C_Ptheta are not printed; `ident/thesis/universal_joint.py` has "
+        "the reading that gives its row."
     )
     yield ""
 
@@ -369,7 +313,7 @@ def _influences(
         "Each left-out parameter off by 1 mm|mrad, the kept ones identified again from nominal; "
         "those moved by more than 0.05 mm|mrad."
     )
-    yield from ("", "| left out | cost | moves here, mm\\|mrad | thesis |", "|---|---|---|---|")
+    yield from ("", "|left out|cost|moves here, mm\\|mrad|thesis|", "|---|---|---|---|")
     rows: dict[tuple[str, str, str], list[str]] = {}
     for cost, title in THESIS_COSTS.items():
         for name, moves in moved[cost].items():
@@ -380,7 +324,7 @@ def _influences(
     for (name, text, printed), costs in sorted(
         rows.items(), key=lambda row: (*REMOVED, "ba2").index(row[0][0])
     ):
-        yield f"| `{name}`, {unit_of(name)} | {', '.join(costs)} | {text} | {printed} |"
+        yield f"|`{name}`, {unit_of(name)}|{', '.join(costs)}|{text}|{printed}|"
     yield ""
 
 
@@ -402,14 +346,14 @@ def _kept(studies: Mapping[str, Study]) -> Iterator[str]:
     yield from (
         "## What is kept (sec. 3.3)",
         "",
-        "| cost | directions | kept | left out, besides those without effect |",
+        "|cost|directions|kept|left out, besides those without effect|",
         "|---|---|---|---|",
     )
     for cost, title in THESIS_COSTS.items():
         s = studies[cost].selection
         yield (
-            f"| {title} | {len(s.selected)} | {_code(shortened(s.selected))} | "
-            f"{_code(d.name for d in s.dependent)} |"
+            f"|{title}|{len(s.selected)}|{_code(shortened(s.selected))}|"
+            f"{_code(d.name for d in s.dependent)}|"
         )
     removed = {d.name for f in studies.values() for d in f.selection.dependent}
     yield ""
@@ -448,21 +392,13 @@ def _other_robot(by_robot: Mapping[str, Mapping[str, Study]]) -> Iterator[str]:
     )
     yield (
         f"{'The same' if same else 'Other'} zero Jacobians, groups and kept parameters with all "
-        "four costs. What follows its lengths:"
+        "four costs; null vectors follow its lengths."
     )
-    yield from ("", "| | IRB 2400 | NJ 220 |", "|---|---|---|")
-    vectors = {
-        name: {
-            v.name: vector_text(v) for f in studies.values() for g in f.groups for v in g.vectors
-        }
-        for name, studies in by_robot.items()
-    }
-    for name, text in vectors["nj220"].items():
-        if text != vectors["irb2400"].get(name):
-            yield f"| `{name}` | `{vectors['irb2400'][name]}` | `{text}` |"
-    for cost, title in THESIS_COSTS.items():
-        conditions = [f"{by_robot[robot][cost].spectrum.condition:.0f}" for robot in ROBOTS]
-        yield f"| condition, {title} | {conditions[0]} | {conditions[1]} |"
+    conditions = (
+        f"{title} {' and '.join(f'{by_robot[r][cost].spectrum.condition:.0f}' for r in ROBOTS)}"
+        for cost, title in THESIS_COSTS.items()
+    )
+    yield f"Conditions, IRB 2400 and NJ 220: {', '.join(conditions)}."
     yield ""
 
 
@@ -481,29 +417,15 @@ def _maximum_likelihood(
     )
     yield from (
         "",
-        "| robot | encoders | equations a sample | of 47 | of 51 | condition (51) |",
+        "|robot|encoders|equations a sample|of 47|of 51|condition (51)|",
         "|---|---|---|---|---|---|",
     )
     for (name, joints), (thesis, complete) in pairs.items():
         counts = (
-            f"{EQUATIONS[len(joints)]} | {thesis.spectrum.rank} | {complete.spectrum.rank} | "
+            f"{EQUATIONS[len(joints)]}|{thesis.spectrum.rank}|{complete.spectrum.rank}|"
             f"{complete.spectrum.condition:.0f}"
         )
-        yield f"| {ROBOTS[name]} | {_encoders(joints)} | {counts} |"
-    yield from (
-        "",
-        "Complete model, IRB 2400:",
-        "",
-        "| encoders | no effect | dependencies |",
-        "|---|---|---|",
-    )
-    for joints in ENCODER_SETS:
-        complete = pairs["irb2400", joints][1]
-        none = _code(shortened(complete.selection.without_effect)) or "none"
-        yield (
-            f"| {_encoders(joints)} | {none} | "
-            f"{', '.join(_cell(str(group)) for group in complete.groups)} |"
-        )
+        yield f"|{ROBOTS[name]}|{_encoders(joints)}|{counts}|"
 
 
 def _encoders(joints: Sequence[int]) -> str:

@@ -1,11 +1,12 @@
 """The pictures of the front page and the tutorial, from runs made for them.
 
-python -m generators.readme_picture      # docs/images/readme.png, tutorial.png: half a minute
+    python -m generators.readme_picture      # docs/images/readme.svg, tutorial.png: half a minute
+
+The errors of the main scenario go to docs/studies/main_scenario.csv, a table of docs/validation.md.
 """
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import subprocess
@@ -21,25 +22,29 @@ from mpl_toolkits.mplot3d import Axes3D
 
 from ballbar.cell.files import write_whole
 from ballbar.cell.geometry import bar_frames, robot_frames
-from ballbar.figure_style import AFTER, BEFORE, FRAME
+from ballbar.figure_style import AFTER, BEFORE, FRAME, svg_text, to_hundredths
 from ballbar.ident.estimator.closure import complete_bar_angles
 from ballbar.report.tcp_view import tcp_view
 from ballbar.result.run_data import RunData
 from ballbar.run import run_scenario
 from ballbar.scenario import load_scenario
+from ballbar.units import MM, PPM, US
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "irb2400.yaml"
 IMAGES = ROOT / "docs" / "images"
+ERRORS = ROOT / "docs" / "studies" / "main_scenario.csv"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
 TUTORIAL_RUNS = "runs/tutorial"
 INSTANT = 0.3  # of the run, at which the mechanism is drawn
 
 
-def picture(data: RunData) -> bytes:
-    """PNG: the identified mechanism on its sphere, and the TCP error before and after."""
+def picture(data: RunData) -> str:
+    """SVG: the identified mechanism on its sphere, and the TCP error before and after."""
     tcp = tcp_view(data)
-    with matplotlib.rc_context({**FRAME, "font.size": 10.0, "grid.linewidth": 0.7}):
+    with matplotlib.rc_context(
+        {**FRAME, "svg.hashsalt": "readme", "font.size": 10.0, "grid.linewidth": 0.7}
+    ):
         figure = Figure(figsize=(10.0, 4.4), layout="constrained", facecolor="white")
         cell = figure.add_subplot(1, 2, 1, projection="3d")
         assert isinstance(cell, Axes3D)
@@ -73,7 +78,7 @@ def picture(data: RunData) -> bytes:
             ylabel=f"share of {values.size} poses [%]",
         )
         axes.xaxis.set_major_formatter("{x:g}")
-        return _png(figure)
+        return to_hundredths(svg_text(figure))
 
 
 def tutorial_picture() -> bytes:
@@ -127,10 +132,22 @@ def _draw_cell(axes: Axes3D, data: RunData) -> None:
     axes.view_init(elev=18, azim=-62)
 
 
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-    return buffer.getvalue()
+def errors_of(data: RunData) -> dict[str, str]:
+    """Errors of the main scenario by the name of their column, to the digits that are quoted."""
+    comparison = data.comparison
+    assert comparison is not None
+    assert comparison.offset is not None
+    assert comparison.skew is not None
+    return {
+        "tcp_mean_mm": f"{comparison.tcp.mean * MM:.2g}",
+        "tcp_max_mm": f"{comparison.tcp.maximum * MM:.2g}",
+        "nominal_mean_mm": f"{comparison.tcp_nominal.mean * MM:.2g}",
+        "nominal_max_mm": f"{comparison.tcp_nominal.maximum * MM:.2g}",
+        "distance_mm_mrad": f"{comparison.distance * MM:.2g}",
+        "clock_us": f"{abs(comparison.offset) * US:.2g}",
+        "skew_ppm": f"{abs(comparison.skew) * PPM:.1g}",
+        "iterations": str(data.identification.fit.iterations),
+    }
 
 
 def main() -> None:
@@ -139,9 +156,11 @@ def main() -> None:
         data = run_scenario(
             load_scenario(SCENARIO), SCENARIO, out=Path(folder) / "run", command="", progress=print
         )
-    write_whole(IMAGES / "readme.png", picture(data))
+    write_whole(IMAGES / "readme.svg", picture(data).encode())
+    errors = errors_of(data)
+    write_whole(ERRORS, "\n".join([",".join(errors), ",".join(errors.values()), ""]).encode())
     write_whole(IMAGES / "tutorial.png", tutorial_picture())
-    print(f"Wrote {IMAGES / 'readme.png'} and tutorial.png")
+    print(f"Wrote {IMAGES / 'readme.svg'} and tutorial.png")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The experiments of thesis sec. 5.3 in the simulated cell: docs/experiments.md with its figures.
+"""The experiments of thesis sec. 5.3 in the simulated cell: studies/experiments.csv and figures.
 
     python -m generators.thesis_5_3
 
@@ -8,6 +8,9 @@ the plant's own coordinates stand beside what a simulated optical tracker sees o
 
 from __future__ import annotations
 
+import csv
+import io
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -22,11 +25,12 @@ from ballbar.scenario import load_scenario
 from ballbar.sim.logging.load_logs import OpticalTracker, drawn_tracker, tracker_rows
 from ballbar.sim.motion import Motion, deflect
 from ballbar.sim.simulate import Simulation, simulate
-from tests.helpers.log_analysis import force_near_singularity, pull_push
+from tests.helpers.log_analysis import force_near_singularity
 from tests.helpers.simulated_recordings import singular_passage
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS, DOCS = ROOT / "scenarios", ROOT / "docs"
+EXPERIMENTS = DOCS / "studies" / "experiments.csv"  # a part of docs/thesis_figures.md
 mpl.rcParams |= {
     "svg.hashsalt": "thesis_5_3",
     "font.size": 8,
@@ -37,58 +41,43 @@ mpl.rcParams |= {
 BANDS = [(0.0, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, 90.0)]  # [deg] from b4 = 0
 _FEW = slice(None, None, 60)  # of a millisecond grid: what a curve needs
 
-PAGE = """# Experiments of thesis sec. 5.3, in the simulated cell
-
-Written by `python -m generators.thesis_5_3` from `scenarios/irb2400_push_pull.yaml`, `scenarios/irb2400.yaml` and
-`scenarios/irb2400_full.yaml`.
-
-| what | thesis | here |
-|---|---|---|
-| rod and two joints at 150 N (Fig. 5.8) | 2.7 + 2 x 2.8 um | {strain:.2f} um |
-| backlash at force reversal (Fig. 5.9) | below 5 um a joint | {backlash:.2f} um, as the scenario sets it ({scenario:.1f} um) |
-| distance of joint from seat, pull minus push, by an optical tracker (90 um a row) | "can therefore not be completely trusted" | {seen:.1f} um +- {sigma:.1f} (1 sigma of {pulled} and {pressed} rows), true {true:.1f} um |
-| force along a path, soft servo, Table 3.1 errors (Fig. 5.7) | 150 N ([derived](notes/parameters.md#experiment)) | {low:.0f} to {high:.0f} N |
-| the same, everything on | - | {full_low:.0f} to {full_high:.0f} N |
-| deviation from a sphere along the path, everything on | 8.3 um computed, 25 um measured | {sphere_low:.1f} to {sphere_high:.1f} um |
-
-![Elongation of the rod and base movement against force](images/pull_push.svg)
-
-Pull and push at one pose (Figs. 5.8, 5.9): the soft servo is commanded to move 12 mm to and fro along the rod. Inside the
-backlash there is no force; outside it the slope is the 1.8e7 N/m of rod, gimbal and universal joint in series. The base has a
-stiffness of 5e7 N/m.
-
-The simulated tracker follows an LED at the centre of the universal joint. Its row of the table is the difference of the
-mean distances over the rows with more than {least:.0f} N of pull and of push, with strain, backlash and base movement in
-it. A single row sees nothing of them. A slow error of the tracker, which an accuracy of 90 um allows and which is not
-simulated, would stand in it in full: hence the thesis's "assumption that the measurement accuracy is better for small
-deviations".
-
-![Rod force over time](images/path_force.svg)
-
-Force in the rod along the path of the main scenario (Fig. 5.7).
-
-**Near singularities.** The thesis saw a larger force, and oscillations of it, where its path came close to singularities
-of the ball-bar. Here: a path of 60 s that comes within half a degree of b4 = 0, Table 3.1 errors, soft servo, bearings
-of the ball-bar with 0.05 N m of friction.
-
-| distance of b4 | largest force | oscillation above 2 Hz, rms | without friction |
-|---|---|---|---|
-{passage}
-
-It oscillates, since the bearings turn fast there and change direction, and little: stick and slip, ripple and backlash
-of the gears (`gear_friction: {{stribeck: true}}`, `transmission_error`, `gear_backlash`) make 2 to 3 N rms at any distance.
-The force itself is not larger.
-
-![Deviation from the sphere over time](images/sphere_deviation.svg)
-
-Distance of the universal joint from the seat of the ball-bar, minus the rod's length: strain, backlash and base movement
-together.
-"""  # noqa: E501  rows of a table
+ROWS = (  # docs/studies/experiments.csv: what, of the thesis, here
+    ("rod and two joints at 150 N (Fig. 5.8)", "2.7 + 2 x 2.8 um", "{strain:.2f} um"),
+    (
+        "backlash at force reversal (Fig. 5.9)",
+        "below 5 um a joint",
+        "{backlash:.2f} um, as the scenario sets it ({scenario:.1f} um)",
+    ),
+    (
+        "distance of joint from seat, pull minus push, by an optical tracker (90 um a row)",
+        '"can therefore not be completely trusted"',
+        "{seen:.1f} um +- {sigma:.1f} (1 sigma of {pulled} and {pressed} rows), true {true:.1f} um",
+    ),
+    (
+        "force along a path, soft servo, Table 3.1 errors (Fig. 5.7)",
+        "150 N ([derived](notes/plant.md#experiment))",
+        "{low:.0f} to {high:.0f} N",
+    ),
+    ("the same, everything on", "-", "{full_low:.0f} to {full_high:.0f} N"),
+    (
+        "deviation from a sphere along the path, everything on",
+        "8.3 um computed, 25 um measured",
+        "{sphere_low:.1f} to {sphere_high:.1f} um",
+    ),
+)
 
 
 def simulated(name: str) -> Simulation:
     """One of the shipped scenarios."""
     return simulate(load_scenario(SCENARIOS / f"{name}.yaml"), relative_to=SCENARIOS)
+
+
+def pull_push(motion: Motion) -> tuple[float, float]:
+    """Stretch at 150 N beyond the backlash, and the backlash [m], from force and stretch."""
+    force, stretch = motion.rod_force, motion.rod_stretch
+    lines = [np.polyfit(force[side], stretch[side], 1) for side in (force > 20.0, force < -20.0)]
+    (pull, zero), (push, other) = lines
+    return 75.0 * float(pull + push), float(zero - other)
 
 
 def sphere_deviation(motion: Motion) -> Array:
@@ -137,7 +126,7 @@ def length_by_tracker(simulation: Simulation) -> dict[str, float]:
 
 
 def main() -> None:
-    """Runs the three scenarios, draws the figures and writes the page."""
+    """Runs the three scenarios, draws the figures and writes the table."""
     pushed, path, full = (
         simulated("irb2400_push_pull"),
         simulated("irb2400"),
@@ -158,7 +147,7 @@ def main() -> None:
         full.motion.t,
         "deviation from the sphere [um]",
     )
-    page = PAGE.format(
+    numbers = dict(
         **length_by_tracker(pushed),
         strain=strain * 1e6,
         backlash=backlash * 1e6,
@@ -169,22 +158,31 @@ def main() -> None:
         full_high=full.truth.rod_force.max_N,
         sphere_low=deviation.min() * 1e6,
         sphere_high=deviation.max() * 1e6,
-        passage=_passage(),
     )
-    write_whole(DOCS / "experiments.md", page.encode())
-    print(page)
+    rows = [tuple(cell.format(**numbers) for cell in row) for row in ROWS]
+    write_table(EXPERIMENTS, [("what", "thesis", "here"), *rows, *_passage()])
 
 
-def _passage() -> str:
-    """Rows of the table of forces near a singularity."""
+def write_table(path: Path, rows: Sequence[tuple[str, ...]]) -> None:
+    """Writes rows as CSV."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows(rows)
+    write_whole(path, buffer.getvalue().encode())
+
+
+def _passage() -> Iterator[tuple[str, str, str]]:
+    """Rows of forces near a singularity of the ball-bar, with and without friction of it."""
     rubbing, smooth = (
         force_near_singularity(singular_passage(friction=friction), BANDS)
         for friction in (True, False)
     )
-    return "\n".join(
-        f"| {low:g} to {high:g} deg | {force:.0f} N | {fast:.3f} N | {without:.3f} N |"
-        for (low, high), (force, fast), (_, without) in zip(BANDS, rubbing, smooth, strict=True)
-    )
+    for (low, high), (force, fast), (_, without) in zip(BANDS, rubbing, smooth, strict=True):
+        yield (
+            f"force with b4 {low:g} to {high:g} deg from singularity; above 2 Hz, rms, with and "
+            "without friction of the bearings",
+            "larger force, oscillating",
+            f"{force:.0f} N; {fast:.3f} N, {without:.3f} N",
+        )
 
 
 def _pull_push_figure(motion: Motion) -> None:

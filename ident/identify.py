@@ -13,7 +13,6 @@ from dataclasses import replace
 
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
-from ballbar.cell.logs import BallBarLog, ForceLog, RobotLog
 from ballbar.cell.payload import with_payload
 from ballbar.cell.poses import PoseTable
 from ballbar.cell.statistics import rms
@@ -21,7 +20,7 @@ from ballbar.ident.causes import Causes
 from ballbar.ident.complete_fit import fit_complete, settled
 from ballbar.ident.corrections import supported_corrections
 from ballbar.ident.corrections.rod_elongation import rod_elongation
-from ballbar.ident.estimates import result_at_rest, result_of
+from ballbar.ident.estimates import result_of
 from ballbar.ident.estimator.unknowns import PlacedPoses
 from ballbar.ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ballbar.ident.loads.logged_tension import logged_torque
@@ -35,7 +34,6 @@ from ballbar.ident.result import Identification
 from ballbar.ident.softening import fit_softening
 from ballbar.ident.start.automatic import StartError
 from ballbar.ident.start.placements import placed_by
-from ballbar.ident.table_fit import fit_table
 from ballbar.ident.tracker import judged_by_tracker
 from ballbar.ident.verdict import UNEXPLAINED, Status, implausible, noise_status
 
@@ -43,25 +41,6 @@ COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identifica
 LEFT_OUT = "the points of the tracker were left out: ball-bar and tracker together fit worse"
 BEYOND = 0.010  # [m] rms of what kinematics leave; all that corrections explain is below 1 mm
 PAYLOAD_TIMES = 6000  # of torque from which masses are found; those of 8 min
-
-
-def identify(
-    cell: Cell,
-    robot_log: RobotLog,
-    ballbar_log: BallBarLog | None,
-    force_log: ForceLog | None = None,
-    *,
-    options: FitOptions = DEFAULTS,
-    listener: Listener = SILENT,
-) -> Identification:
-    """Identify robot, ball-bar base pose, encoder offsets and clock from one recording.
-
-    ballbar_log : None for a ball-bar without encoders. force_log : of a sensor at the flange.
-
-    Raises StartError when the logs cannot be brought together.
-    """
-    logs = Logs(robot_log, ballbar_log, force_log)
-    return identify_together(cell, [logs], options=options, listener=listener)
 
 
 def identify_together(
@@ -113,20 +92,6 @@ def identify_together(
         if causes:
             result = replace(result, verdict=result.verdict.with_cause(str(causes)))
     return _with_trackers(result, recordings)
-
-
-def identify_poses(
-    table: PoseTable, options: FitOptions = DEFAULTS, listener: Listener = SILENT
-) -> Identification:
-    """Identify a robot from still poses alone.
-
-    A seat or target that moved between two rows has two names in the result's table.
-
-    Raises InputError where the table holds fewer equations than the robot has parameters, or where
-    two seats or targets go by one name, and PoseStartError where measurements and robot cannot be
-    brought together.
-    """
-    return result_at_rest(fit_table(table, options, listener))
 
 
 def kinematic_result(cell: Cell, single: RecordingFit, options: FitOptions) -> Identification:

@@ -24,7 +24,7 @@ from ballbar.ident.estimator.uncertainty import mean_autocorrelation
 from ballbar.ident.least_sizes import not_by_chance
 
 # Decrease of the held-out cost, in units of chi-square per degree of freedom, that a term must
-# bring: one that the machine does not need brings -170 to 20 (notes/unknown_machines, 3).
+# bring: one that the machine does not need brings -170 to 20 (notes/identification sec. 7).
 DECREASE = 30.0
 # Error of a gear's ratio that is one, and in standard deviations. Over a part of a turn an error of
 # a joint with few cycles a turn looks like one: 1e-4 rad of the third order like 3e-4. On sound

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
 from ballbar.ident.corrections import CORRECTIONS
@@ -42,6 +42,12 @@ class FitOptions:
     def __post_init__(self) -> None:
         for name in self.corrections or ():
             CORRECTIONS.known(name, f" correction {name!r}")
+
+    @property
+    def of_logs(self) -> list[str]:
+        """Names of the options that are not at their defaults and that still poses do not have."""
+        changed = [f.name for f in fields(self) if getattr(self, f.name) != f.default]
+        return [name for name in changed if name != "joint_errors"]
 
 
 @dataclass(frozen=True)

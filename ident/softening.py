@@ -3,7 +3,7 @@
 A complete fit is linearised at its estimate (ballbar.ident.joint_errors.linearised), and every
 gear's column is tried with knees all over its load: a score test whose variance is that of blocks
 of time. The best one joins the model, until none is sure. A knee must be right within a tenth, or
-the answer is not better than without (notes/unknown_machines, 2E): so each fit with the second
+the answer is not better than without (notes/identification sec. 7): so each fit with the second
 slope tells how far to move the knees, by the derivative of the column with the knee.
 """
 

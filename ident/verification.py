@@ -144,6 +144,7 @@ class Verification:
     doubt: str = ""  # why nothing can be said; empty where something can
     notes: tuple[str, ...] = ()  # on what does not count
     holding: str = "Holds"  # what is said of an unchanged machine
+    remarks: tuple[str, ...] = ()  # on temperatures and on the reading
 
     @property
     def comparable(self) -> bool:
@@ -195,7 +196,7 @@ class Verification:
 
     @property
     def warnings(self) -> list[str]:
-        """Rows that do not count, and changes that cannot be seen."""
+        """Rows that do not count, changes that cannot be seen, and remarks."""
         each = ", ".join(
             f"{axis} ({size * 1e3:.1f} mrad)" if size < LARGEST else f"{axis} (any)"
             for axis, size in self.blind.items()
@@ -204,4 +205,4 @@ class Verification:
             "changes of the zeros of these axes, up to the size named, would not show in what was "
             f"measured: {each}"
         )
-        return [*self.notes, *([unseen] if self.blind else [])]
+        return [*self.notes, *([unseen] if self.blind else []), *self.remarks]

@@ -43,7 +43,7 @@ DRAWS = 8  # robots whose force is predicted
 # Robots drawn from the spread about a typical one: another one is outside of what N of them reach
 # with a probability of 2 / (N + 1)
 MACHINES = 63
-# [m, rad] standard deviation of each parameter (notes/parameters, geometric_error_prior)
+# [m, rad] standard deviation of each parameter (notes/plant, geometric_error_prior)
 ERROR = 1e-3
 
 

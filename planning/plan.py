@@ -119,7 +119,7 @@ def descent(evaluator: Evaluator, space: Space, start: Array, seed: int) -> tupl
     return best, least
 
 
-# [rad] distance from the path within which a point of the sphere counts as covered (notes/mujoco
+# [rad] distance from the path within which a point of the sphere counts as covered (notes/plant
 # sec. 10)
 COVERED_WITHIN = np.radians(10.0)
 SPHERE_POINTS = 2000  # 2.6 deg apart

@@ -140,7 +140,7 @@ class PlanSensors(Strict):
     encoders: tuple[EncoderNumber, ...] = Field((1, 2, 4, 5), min_length=2)
     """Ball-bar joints with an encoder."""
     encoder_sigma_rad: Positive = 1.0e-5
-    """Standard deviation of an encoder sample: sub-divisional error and noise (notes/parameters, 12
+    """Standard deviation of an encoder sample: sub-divisional error and noise (notes/plant, 12
     urad).
     """
     encoder_noise_sigma_rad: Positive = 2.0e-6
@@ -192,7 +192,7 @@ class PlanLimits(Strict):
     """
     force_N: Positive = 200.0
     """Force in the rod under soft servo, for robots with errors of 1 mm and 1 mrad (a third above
-    the thesis's 150 N: notes/parameters, experiment). Where the robot's file states no servo, the
+    the thesis's 150 N: notes/plant, experiment). Where the robot's file states no servo, the
     default is up to 500, by the length of the arm.
     """
     clearance_m: Positive = 0.03

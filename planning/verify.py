@@ -37,7 +37,7 @@ from ballbar.sim.plant.mujoco_plant import run_plant
 from ballbar.sim.settings import ErrorSettings
 from ballbar.sim.streams import stream
 
-TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
+TIMESTEP = 1e-3  # [s] (notes/plant sec. 2)
 # [s] over which speeds and accelerations are taken: a gear that crosses its backlash is no motion
 # of the arm
 RATE_STEP = 0.05

@@ -2,7 +2,7 @@
 
 The five ball-bar angles are the five degrees of freedom of the closed mechanism, so a path written
 in them stays on the sphere and away from the ball-bar's singularities by construction: `b_k = c_k +
-A_k sin(2 pi n_k s + phi_k)`, with the phase s running from 0 to 1 (notes/mujoco sec. 10). The phase
+A_k sin(2 pi n_k s + phi_k)`, with the phase s running from 0 to 1 (notes/plant sec. 10). The phase
 is constant at the start, at the end and in every dwell between, and its acceleration is continuous,
 so that both logs see the same dwells.
 """

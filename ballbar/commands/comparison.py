@@ -26,16 +26,16 @@ def compare(calibration: Path, reference: Path, as_json: AsJson = False) -> None
     """
     from ballbar.commands.result_json import comparison_data
     from ballbar.report.terminal import say_comparison
-    from ballbar.result.calibration import Calibration
+    from ballbar.result.calibration import load
     from ballbar.result.compare import compare as compare_results
 
-    result = Calibration.load(calibration)
+    result = load(calibration)
     if reference.name.endswith(".truth.yaml"):
         from ballbar.truth.compare import result_against_truth
 
         comparison = result_against_truth(result, reference)
     else:
-        comparison = compare_results(result, Calibration.load(reference))
+        comparison = compare_results(result, load(reference))
     if as_json:
         say_json(comparison_data(comparison))
     say_comparison(out, comparison)
@@ -60,15 +60,11 @@ def verify(result: ResultFile, folder: Path, as_json: AsJson = False) -> None:
     DIR : Folder with recording.yaml, one path of about a minute, or with poses.yaml, about ten
         still poses.
     """
-    from ballbar.result.verification import (
-        exit_code,
-        say_verification,
-        verification_data,
-        verify_folder,
-    )
+    from ballbar.result.verification import exit_code, say_verification, verification_data
+    from ballbar.result.verification import verify as verify_measured
 
-    outcome, remarks = verify_folder(result, folder)
+    outcome = verify_measured(result, folder)
     if as_json:
-        say_json(verification_data(outcome, remarks))
-    say_verification(out, outcome, remarks)
+        say_json(verification_data(outcome))
+    say_verification(out, outcome)
     raise typer.Exit(exit_code(outcome))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +14,7 @@ from rich.markup import escape
 from ballbar.cell.errors import InputError
 from ballbar.commands.options import AsJson, Out, command, command_line, say_json
 from ballbar.ident.corrections import CORRECTIONS
-from ballbar.ident.options import DEFAULT_SAMPLES, ForceSource, ModelName
+from ballbar.ident.options import DEFAULT_SAMPLES, FitOptions, ForceSource, ModelName
 from ballbar.terminal import out, progress_bar
 
 if TYPE_CHECKING:
@@ -72,8 +73,9 @@ def identify(
         (none), or keep those of another result.
     --rerun : Write the replay file run.rrd as well.
     """
+    from ballbar.cell.files import claimed_folder
     from ballbar.cell.processes import second_process
-    from ballbar.result.names import REPLAY_MODULES
+    from ballbar.result.names import OUTPUTS, REPLAY_MODULES
 
     settings = _settings(
         corrections,
@@ -85,21 +87,16 @@ def identify(
     )
     folder = out_dir or _beside(recordings[0])
     with (
-        _claimed(folder, recordings),
+        claimed_folder(folder, OUTPUTS, "the result"),
         progress_bar() as progress,
         second_process(*REPLAY_MODULES) if rerun else nullcontext(partial) as begin,
     ):
         from ballbar.ident.options import Listener
         from ballbar.report.terminal import say_identification
-        from ballbar.result.run_recordings import identify_files
+        from ballbar.result.identify import identified
 
-        run = identify_files(
-            recordings,
-            validate or [],
-            settings=settings,
-            joint_errors=joint_errors,
-            listener=Listener(progress),
-        )
+        options, listener = _options(settings, joint_errors), Listener(progress)
+        run = identified(recordings, validate or [], options=options, listener=listener)
         if not as_json:
             with progress.removed():
                 say_identification(out, run)
@@ -114,20 +111,21 @@ def identify(
     raise typer.Exit(0 if run.acceptable else 1)
 
 
+def _options(settings: IdentifySettings, joint_errors: str) -> FitOptions:
+    """The options of the fit; joint_errors : `auto`, `none`, or the path of a calibration."""
+    if joint_errors == "auto":
+        return settings.options
+    if joint_errors == "none":
+        return replace(settings.options, joint_errors="none")
+    from ballbar.result.calibration import load
+
+    return replace(settings.options, joint_errors=load(joint_errors).joint_errors())
+
+
 def _say_json(run: RunData, folder: Path) -> None:
     from ballbar.commands.result_json import run_data
 
     say_json(run_data(run, folder))
-
-
-def _claimed(folder: Path, recordings: list[Path]) -> AbstractContextManager[None]:
-    """The folder of the result, held for the files that such recordings leave."""
-    from ballbar.cell.files import claimed_folder
-    from ballbar.recordings.followed import gives_poses
-    from ballbar.result.names import OUTPUTS, POSE_OUTPUTS
-
-    poses = all(gives_poses(recording) for recording in recordings)
-    return claimed_folder(folder, POSE_OUTPUTS if poses else OUTPUTS, "the result")
 
 
 def _beside(recording: Path) -> Path:

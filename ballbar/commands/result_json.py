@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from ballbar.result.calibration import Calibration
+from ballbar.result.calibration import load
 from ballbar.result.names import OUTPUTS
 from ballbar.result.run_data import RunData
 
@@ -22,7 +22,7 @@ def run_data(run: RunData, folder: Path) -> dict[str, object]:
 
     An identification from still poses without simulation has neither plant nor limits.
     """
-    file = Calibration.load(folder).file
+    file = load(folder).file
     result: dict[str, object] = {
         "acceptable": run.acceptable,
         "sentence": run.identification.verdict.sentence,

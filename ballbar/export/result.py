@@ -18,7 +18,7 @@ from ballbar.cell.descriptions import Cell, Link, Robot
 from ballbar.cell.foreign_text import comment, one_line
 from ballbar.cell.geometry import Parameter, parameter_table
 from ballbar.cell.placement import Placement
-from ballbar.result.calibration import Calibration
+from ballbar.result.calibration import Calibration, load
 from ballbar.result.machine_entries import ParameterEntry
 
 EFFECTS = {
@@ -143,7 +143,7 @@ def load_result(path: Path) -> Result:
 
     Raises InputError when there is none, DescriptionError when it is wrong.
     """
-    calibration = Calibration.load(path)
+    calibration = load(path)
     digest = hashlib.sha256(calibration.path.read_bytes()).hexdigest()
     cell = calibration.cell() if calibration.of_logs else None
     return Result(calibration.path, digest, calibration, cell)

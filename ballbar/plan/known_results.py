@@ -18,10 +18,10 @@ from ballbar.cell.errors import InputError
 from ballbar.ident.verdict import Status
 from ballbar.planning.known import Known, known_of
 from ballbar.planning.request import PlanRequest
-from ballbar.result.calibration import Calibration
+from ballbar.result.calibration import Calibration, load
 from ballbar.result.calibration_schema import CalibrationFile
+from ballbar.result.identify import description_identity
 from ballbar.result.recording_entries import RecordingEntry
-from ballbar.result.run_recordings import description_identity
 
 # Relative difference of the noise of a log, which every fit of a recording states, by rounding.
 SAME_NOISE = 1e-9
@@ -34,7 +34,7 @@ def known_from(results: Sequence[Path], request: PlanRequest, err: Console) -> K
     or of another robot, ball-bar or plate than the request's, and for results that share a
     recording.
     """
-    calibrations = [Calibration.load(result) for result in results]
+    calibrations = [load(result) for result in results]
     machines = []
     for calibration in calibrations:
         file, cell, content = calibration.path, calibration.cell(), calibration.file

@@ -24,8 +24,8 @@ from ballbar.rehearsal.live import LivePath, record_live
 from ballbar.rehearsal.second_path import plan_second_path
 from ballbar.rehearsal.targets import HeldTargets, correct_targets, hold_targets
 from ballbar.result.compare import Comparison
-from ballbar.result.run_recordings import identify_files
-from ballbar.result.verification import verify_folder
+from ballbar.result.identify import identified
+from ballbar.result.verification import verify
 from ballbar.run import simulate_scenario
 from ballbar.scenario import Scenario
 from ballbar.sim.simulate import Simulation
@@ -183,7 +183,7 @@ def _identified(
     """Identifies recordings, and compares with the truth of the first."""
     folders = [day.recording(recording) for recording in recordings]
     listener = Listener(day.progress)
-    data = identify_files(folders, settings=day.scenario.identify, listener=listener)
+    data = identified(folders, options=day.scenario.identify.options, listener=listener)
     write_outputs(day.folder / name, data, command=day.command, replay=False, progress=day.progress)
     robot, verdict = data.identification.robot, data.identification.verdict
     comparison = against_simulation(data.identification, made)
@@ -284,7 +284,7 @@ def _verified(day: Day) -> None:
     _simulated(day, "path3", scenario.model_copy(update=changes))
     path = _taken(day, "path3", "path3", identify=False)
     day.progress("verifying")
-    outcome, _ = verify_folder(day.folder / RESULT, day.recording("path3"))
+    outcome = verify(day.folder / RESULT, day.recording("path3"))
     figures: dict[str, object] = {
         "holds": outcome.holds,
         "innovation": outcome.figures.get("normalised_innovation"),  # none of poses

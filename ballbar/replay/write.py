@@ -160,12 +160,12 @@ def replay_notes(run: RunData) -> str:
 
 def scenario_page(data: RunData, fitted: FittedRecording) -> str:
     """The scenario of a simulated run, or what the recording says of itself; its import report."""
-    file = fitted.folder / "recording.yaml"
+    folder = fitted.recording.folder
     parts = ["# What was simulated" if data.scenario else "# What was recorded"]
     if data.scenario is not None:
         settings = data.scenario.model_dump(mode="json", exclude_unset=True)
         parts.append(_code(yaml.safe_dump(settings, sort_keys=False, width=100)))
-    if file.is_file():
+    if folder is not None and (file := folder / "recording.yaml").is_file():
         parts += ["## recording.yaml", _code(file.read_text(encoding="utf-8"))]
     lines = report_lines(fitted.recording.report)
     parts += ["## How the files were read", _code("\n".join(lines))]

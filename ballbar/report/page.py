@@ -128,6 +128,6 @@ def place_sections(run: RunData) -> list[Section]:
             poses=poses,
             ranges=ends.T.tolist(),
             errors=[float(error.mean()) * MM for error in poses.errors],
-            findings=[f for _, _, content in tables for f in content.report.findings],
+            findings=[f for _, content in tables for f in content.report.findings],
         )
     ]

@@ -54,15 +54,16 @@ def provenance_section(run: RunData, command: str, written: datetime) -> Section
 def _inputs(data: RunData) -> list[InputFile]:
     """The files of every recording, below its name where there are several, and every table."""
     files = [hashed(scenario.parent, scenario.name) for scenario in data.scenario_files]
-    for name, folder, recording in data.read:
-        for file in input_files(recording, folder):
+    for name, recording in data.read:
+        for file in input_files(recording):
             several = len(data.read) > 1
             files.append(replace(file, name=f"{name}/{file.name}") if several else file)
-    tables = [(name, content) for name, _, content in data.tables]
-    tables += [(outcome.name, content) for _, content, outcome in data.held_out_tables]
-    for name, content in tables:
-        for each in dict.fromkeys((content.file.name, *(f.file for f in content.report.files))):
-            file = hashed(content.file.parent, each)
+    held_out = [(outcome.name, content) for content, outcome in data.held_out_tables]
+    for name, content in (*data.tables, *held_out):
+        if (described := content.file) is None:  # poses that were given as arrays
+            continue
+        for each in dict.fromkeys((described.name, *(f.file for f in content.report.files))):
+            file = hashed(described.parent, each)
             files.append(replace(file, name=f"{name}/{file.name}"))
     return files
 
@@ -76,12 +77,14 @@ def versions(*, simulated: bool) -> list[tuple[str, str]]:
     return own + sorted(LOADED.items())
 
 
-def input_files(recording: Recording, folder: Path) -> list[InputFile]:
+def input_files(recording: Recording) -> list[InputFile]:
     """recording.yaml, the device files, and the descriptions that the recording brings itself.
 
-    Raises OSError when one of them is gone.
+    Of logs that were given as arrays there are none. Raises OSError when one of them is gone.
     """
-    file = recording.description
+    file, folder = recording.description, recording.folder
+    if folder is None:
+        return []
     descriptions = [
         name
         for name in (file.robot, file.measured_by, file.plate)

@@ -1,8 +1,7 @@
-"""A result as read back from calibration.yaml: what it says of the robot, whatever measured it.
+"""A calibration, fresh or read back: what it says of the robot, whatever measured it.
 
 Recordings of a ball-bar identify the robot with the offset plate and the ball-bar, still poses
-identify it up to its flange with the targets that it carried. A question that a result cannot
-answer is refused with the reason.
+identify it up to its flange with the targets that it carried. What a result cannot tell is refused.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import starmap
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -41,22 +41,20 @@ from ballbar.result.calibration_schema import (
 from ballbar.result.machine_entries import RESTORE, CoefficientEntry
 from ballbar.result.names import CALIBRATION
 from ballbar.result.recording_entries import CrossValidationEntry
+from ballbar.result.run_data import RunData
+from ballbar.result.views import Views
 
 
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """A calibration as read back."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(Views):
+    """An identified robot: what `identify` returns, and what `load` reads back.
+
+    A fresh one has residuals and report, too, and the covariance of still poses.
+    """
 
     file: CalibrationFile
     path: Path = Path(CALIBRATION)  # to whose folder the descriptions' paths in it are relative
-
-    @staticmethod
-    def load(path: Path | str) -> Calibration:
-        """A calibration.yaml, or the one in a folder, whatever measured the robot.
-
-        Raises as `load_calibration`.
-        """
-        return load_calibration(path)
+    run: RunData | None = None  # None of one that was read back
 
     @property
     def of_logs(self) -> bool:
@@ -69,6 +67,8 @@ class Calibration:
 
         Raises DescriptionError where its file fails.
         """
+        if self.run is not None:
+            return self.run.identification.robot.robot
         return load_robot(self.file.robot, relative_to=self.path.parent)
 
     @cached_property
@@ -131,6 +131,8 @@ class Calibration:
         fails, or where its robot is of another structure than the parameters.
         """
         file, table = self.file_of_logs(), self.nominal.table
+        if self.run is not None:
+            return self.run.identification.robot.cell
         cell = load_measured_cell(
             file.robot, file.instrument, file.plate, relative_to=self.path.parent
         )
@@ -203,6 +205,8 @@ class Calibration:
         """
         if target is not None or not self.of_logs:
             return self._robot_of_poses(target)
+        if self.run is not None:
+            return self.run.identification.robot.identified
         corrections = tuple(starmap(_correction, self.file.corrections.items()))
         cell, stated = cell or self.cell(), self.file.covariance
         if self.file.masses is not None:
@@ -217,6 +221,8 @@ class Calibration:
         name = target or next(iter(targets))
         if name not in targets:
             raise InputError(f"target {name!r}: the result has {', '.join(targets)}")
+        if self.run is not None and self.run.identification.poses is not None:
+            return self.run.identification.poses.identified_robot(name)
         corrections = tuple(
             as_in_result(POSE_CORRECTIONS[key](self.robot, entries), entries, self.robot)
             for key, entries in file.corrections.items()
@@ -304,8 +310,8 @@ class Calibration:
         )
 
 
-def load_calibration(path: Path | str) -> Calibration:
-    """Read a calibration.yaml, or the one in a folder that `run` or `identify` wrote.
+def load(path: str | PathLike[str]) -> Calibration:
+    """The calibration in a calibration.yaml, or in the folder that `run` or `identify` wrote.
 
     Raises InputError where there is none, else DescriptionError naming file, line and key; an older
     schema is refused by name.

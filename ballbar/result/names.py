@@ -13,4 +13,3 @@ REPLAY = "run.rrd"
 REPLAY_MODULES = ("ballbar.replay.write", "pandas")
 # Of `run` and `identify`, from logs and from still poses
 OUTPUTS = {CALIBRATION, REFUSED, IMPORT_REPORT, REPORT, REPLAY, DESCRIPTIONS}
-POSE_OUTPUTS = OUTPUTS - {IMPORT_REPORT}

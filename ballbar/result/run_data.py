@@ -24,7 +24,6 @@ class FittedRecording:
     """One recording that was fitted: as read, and what was identified of its own."""
 
     name: str
-    folder: Path
     recording: Recording
     estimate: RecordingEstimate
 
@@ -33,7 +32,6 @@ class FittedRecording:
 class Validation:
     """A recording that took no part in the identification."""
 
-    folder: Path
     recording: Recording
     outcome: HeldOut
 
@@ -51,9 +49,22 @@ class RunData:
     validations: tuple[Validation, ...] = ()
     scenario_files: tuple[Path, ...] = ()  # of a simulated run: the file, and those it extends
     scenario: Scenario | None = None
-    # name, folder and content of tables of still poses that were fitted
-    tables: tuple[tuple[str, Path, PoseImport], ...] = ()
-    held_out_tables: tuple[tuple[Path, PoseImport, PoseHeldOut], ...] = ()
+    # name and content of tables of still poses that were fitted
+    tables: tuple[tuple[str, PoseImport], ...] = ()
+    held_out_tables: tuple[tuple[PoseImport, PoseHeldOut], ...] = ()
+
+    @property
+    def of_arrays(self) -> bool:
+        """Whether logs or poses were given as arrays, with descriptions that no file may have."""
+        recordings = any(recording.folder is None for _, recording in self.read)
+        return recordings or any(content.file is None for _, content in self.tables)
+
+    @property
+    def folder(self) -> Path:
+        """The folder from which the names of the robot's and other descriptions are taken."""
+        if self.recordings:
+            return self.recordings[0].recording.folder or Path()
+        return (self.tables[0][1].file or Path("poses.yaml")).parent
 
     @property
     def acceptable(self) -> bool:
@@ -66,7 +77,7 @@ class RunData:
     def outcomes(self) -> list[HeldOut | PoseHeldOut]:
         """How each held-out recording or table is explained."""
         recordings = [validation.outcome for validation in self.validations]
-        return [*recordings, *(outcome for _, _, outcome in self.held_out_tables)]
+        return [*recordings, *(outcome for _, outcome in self.held_out_tables)]
 
     @property
     def several(self) -> bool:
@@ -74,8 +85,7 @@ class RunData:
         return len(self.recordings) > 1
 
     @property
-    def read(self) -> tuple[tuple[str, Path, Recording], ...]:
-        """Name, folder and content of every recording, the held-out ones last."""
-        fitted = tuple((r.name, r.folder, r.recording) for r in self.recordings)
-        held_out = tuple((v.outcome.name, v.folder, v.recording) for v in self.validations)
-        return fitted + held_out
+    def read(self) -> tuple[tuple[str, Recording], ...]:
+        """Name and content of every recording, the held-out ones last."""
+        fitted = tuple((r.name, r.recording) for r in self.recordings)
+        return fitted + tuple((v.outcome.name, v.recording) for v in self.validations)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 
+from ballbar.acquisition.pose_tables import PoseImport
+from ballbar.acquisition.recording import Recording
 from ballbar.acquisition.report import ImportReport, finding_line
+from ballbar.cell.descriptions import Cell, Robot, same_contents
 from ballbar.cell.errors import InputError
+from ballbar.cell.geometry import nominal_chain
 from ballbar.ident.machine_at_rest import arm_at_rest, table_at_rest
 from ballbar.ident.options import SILENT, Listener
 from ballbar.ident.single_causes import Explanation
@@ -20,45 +24,49 @@ from ballbar.ident.start.placements import PoseStartError
 from ballbar.ident.verdict import Status
 from ballbar.ident.verification import Verification
 from ballbar.ident.verify_recording import verify_recording
-from ballbar.ident.verify_table import verify
-from ballbar.recordings.followed import description_of, gives_poses, poses_of
-from ballbar.recordings.read_with_causes import read_with_causes
-from ballbar.result.calibration import Calibration
+from ballbar.ident.verify_table import verify as verify_table
+from ballbar.recordings.read import Thing, measured
+from ballbar.result.calibration import Calibration, load
 from ballbar.result.calibration_schema import CalibrationFile
-from ballbar.result.run_recordings import description_identity, distinct_names, logs_of
+from ballbar.result.identify import description_identity, distinct_names, logs_of
 
 MEAN_LENGTH = math.sqrt(8.0 / math.pi)  # of a normal error of unit deviation along three axes
 # [K] from which a difference of temperature is named: a length of 1 m of steel grows by 24 um.
 WARMER = 2.0
 
 
-def verify_folder(
-    result: Path, folder: Path, *, listener: Listener = SILENT
-) -> tuple[Verification, tuple[str, ...]]:
-    """Whether a calibration.yaml holds for the recording or the still poses in a folder.
+def verify(
+    calibration: Calibration | str | PathLike[str],
+    thing: Thing,
+    *,
+    cell: Cell | None = None,
+    listener: Listener = SILENT,
+) -> Verification:
+    """Whether a calibration holds for one recording, or some still poses, of today.
 
-    Returns also what is to be said of the temperatures and of the reading. Raises InputError for
-    a recording where still poses alone were identified; for measurements of another robot,
-    instrument or plate, and those that cannot be read, are too few, or do not fit together; and for
-    a result of recordings without covariance.
+    calibration : or the path of one. thing : as of `identify`, with the `cell` of arrays.
+
+    Raises InputError for a recording where still poses alone were identified; for measurements of
+    another robot, instrument or plate, and those that cannot be read, are too few, or do not fit
+    together; and for a result of recordings without covariance.
     """
-    calibration = Calibration.load(result)
+    stored = calibration if isinstance(calibration, Calibration) else load(calibration)
     try:
-        if gives_poses(folder):
-            outcome, remarks = _verify_poses(calibration, folder)
+        read = measured(thing, cell)
+        if isinstance(read, PoseImport):
+            outcome = _verify_poses(stored, read)
         else:
-            outcome, remarks = _verify_recording(calibration, folder, listener)
+            outcome = _verify_recording(stored, read, cell, listener)
     except (PoseStartError, StartError) as error:
-        place = f"{folder}: cannot be held against {calibration.path}"
-        raise InputError(f"{place}: {error}") from None
-    return replace(outcome, doubt=_doubt(calibration) or outcome.doubt), remarks
+        place = thing if isinstance(thing, str | PathLike) else "what was measured"
+        raise InputError(f"{place}: cannot be held against {stored.path}: {error}") from None
+    return replace(outcome, doubt=_doubt(stored) or outcome.doubt)
 
 
-def _verify_poses(calibration: Calibration, folder: Path) -> tuple[Verification, tuple[str, ...]]:
-    """The still poses of a folder; a machine that recordings identified is held at rest."""
-    file, description = description_of(folder)
-    _check_same(calibration, file.parent, {"robot": description.robot})
-    read = poses_of(folder)
+def _verify_poses(calibration: Calibration, read: PoseImport) -> Verification:
+    """Still poses; a machine that recordings identified is held at rest."""
+    folder = None if read.file is None else read.file.parent
+    _check_same(calibration, folder, {"robot": read.description.robot}, read.table.robot)
     table, targets = read.table, calibration.targets
     if calibration.of_logs:
         machine = calibration.machine(calibration.cell())
@@ -66,7 +74,7 @@ def _verify_poses(calibration: Calibration, folder: Path) -> tuple[Verification,
         mean, table = MEAN_LENGTH * arm.discrepancy, table_at_rest(machine.robot, table)
     else:
         arm, mean = calibration.identified_robot(), calibration.cross_validated
-    return verify(arm, targets, mean, table), reading_remarks(read.report)
+    return replace(verify_table(arm, targets, mean, table), remarks=reading_remarks(read.report))
 
 
 def _spread_of_groups(file: CalibrationFile) -> float:
@@ -79,16 +87,15 @@ def _spread_of_groups(file: CalibrationFile) -> float:
 
 
 def _verify_recording(
-    calibration: Calibration, folder: Path, listener: Listener
-) -> tuple[Verification, tuple[str, ...]]:
-    content, recording = calibration.file_of_logs(), read_with_causes(folder)
-    recorded = recording.description
+    calibration: Calibration, recording: Recording, cell: Cell | None, listener: Listener
+) -> Verification:
+    content, recorded = calibration.file_of_logs(), recording.description
     names = {"robot": recorded.robot, "instrument": recorded.measured_by, "plate": recorded.plate}
-    _check_same(calibration, folder, names)
-    logs = logs_of(distinct_names([folder])[0], recording)
+    _check_same(calibration, recording.folder, names, None if cell is None else cell.robot)
+    logs = logs_of(distinct_names([recording])[0], recording)
     outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
     warmth = temperature_remarks(content, recorded.temperature_C)
-    return outcome, (*warmth, *reading_remarks(recording.report))
+    return replace(outcome, remarks=(*warmth, *reading_remarks(recording.report)))
 
 
 def _doubt(calibration: Calibration) -> str:
@@ -114,14 +121,21 @@ def temperature_remarks(content: CalibrationFile, now: float | None) -> tuple[st
     )
 
 
-def _check_same(calibration: Calibration, folder: Path, measured: dict[str, str]) -> None:
-    """measured : names of the descriptions in a folder, by the keys of calibration.yaml."""
-    for key, here in measured.items():
+def _check_same(
+    calibration: Calibration, folder: Path | None, names: dict[str, str], robot: Robot | None
+) -> None:
+    """names : of the descriptions in a folder, by the keys of its file. robot : of arrays."""
+    known = nominal_chain(calibration.robot)
+    if robot is not None and not same_contents(nominal_chain(robot), known):
+        what = f"has other nominal DH parameters than that of {calibration.path}."
+        raise InputError.at(f"robot {robot.name}", what, "A result is tried on the same robot.")
+    for key, here in names.items():
         name, file = getattr(calibration.file, key), calibration.path
         if description_identity(here, folder) != description_identity(name, file.parent):
             raise InputError(
-                f"{folder}: is of {key} {here}, {file} of {name}, or their files differ. A result "
-                "is tried on measurements of the same robot, instrument and plate."
+                f"{folder or 'what was measured'}: is of {key} {here}, {file} of {name}, or their "
+                "files differ. A result is tried on measurements of the same robot, instrument and "
+                "plate."
             )
 
 
@@ -130,7 +144,7 @@ def reading_remarks(report: ImportReport) -> tuple[str, ...]:
     return tuple(finding_line(entry) for entry in report.findings if entry.notable)
 
 
-def say_verification(out: Console, verification: Verification, remarks: Sequence[str] = ()) -> None:
+def say_verification(out: Console, verification: Verification) -> None:
     """Print the sentence, then what does not count, and further remarks.
 
     Green where it holds, red where something changed, yellow where nothing can be said.
@@ -138,7 +152,7 @@ def say_verification(out: Console, verification: Verification, remarks: Sequence
     sound = verification.comparable
     colour = "green" if verification.holds else "red" if sound else "yellow"
     out.print(f"[bold {colour}]{escape(verification.sentence)}[/]")
-    for warning in (*verification.warnings, *remarks):
+    for warning in verification.warnings:
         out.print(f"[yellow]warning:[/] {escape(warning)}")
 
 
@@ -149,13 +163,13 @@ def exit_code(verification: Verification) -> int:
     return 0 if verification.holds else 1
 
 
-def verification_data(outcome: Verification, remarks: Sequence[str]) -> dict[str, object]:
+def verification_data(outcome: Verification) -> dict[str, object]:
     """JSON of `verify`, SI units."""
     return {
         "holds": outcome.holds,
         "comparable": outcome.comparable,
         "sentence": outcome.sentence,
-        "warnings": [*outcome.warnings, *remarks],
+        "warnings": outcome.warnings,
         **outcome.figures,
         "sum_of_squares": outcome.square,
         "limit": outcome.limit,

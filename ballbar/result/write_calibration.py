@@ -16,6 +16,7 @@ import numpy as np
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.clock import Clock
+from ballbar.cell.descriptions import same_contents
 from ballbar.cell.errors import InputError
 from ballbar.cell.files import copied_description, write_yaml
 from ballbar.cell.rotation import rotvec_from_matrix
@@ -26,7 +27,7 @@ from ballbar.ident.estimator.priors import belongs_to_recording, shared_names
 from ballbar.ident.result import RecordingEstimate, RobotEstimate
 from ballbar.ident.table_estimate import PlacementEstimate, TableEstimate
 from ballbar.ident.verdict import Verdict
-from ballbar.result.calibration import load_calibration
+from ballbar.result.calibration import Calibration, load
 from ballbar.result.calibration_schema import SCHEMA, CalibrationFile
 from ballbar.result.machine_entries import (
     CoefficientEntry,
@@ -112,7 +113,7 @@ def _of_recordings(data: RunData) -> dict[str, Any]:
 
 def _of_still_poses(data: RunData) -> dict[str, Any]:
     """The parts of a result that still poses without recordings have."""
-    result, description = data.identification, data.tables[0][2].description
+    result, description = data.identification, data.tables[0][1].description
     robot, fit, poses = result.robot, result.fit, result.poses
     assert poses is not None, "without recordings there are still poses"
     return {
@@ -154,7 +155,7 @@ def _of_still_poses(data: RunData) -> dict[str, Any]:
                 quantile_95_m=float(np.quantile(outcome.error, 0.95)),
                 nominal_mean_m=float(outcome.nominal.mean()),
             )
-            for _, _, outcome in data.held_out_tables
+            for _, outcome in data.held_out_tables
         ),
     }
 
@@ -278,6 +279,8 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
 def write_calibration(path: Path, run: RunData) -> None:
     """Write calibration.yaml, whole or not at all, and the user's descriptions in it beside it.
 
+    Raises InputError for arrays of a robot, ball-bar or plate that no file describes.
+
     Raises RefusedResultError if its reader refuses the file. That then stands beside `path` with
     `.refused` in its name (ballbar.result.names.REFUSED), and an earlier result under `path` is
     deleted.
@@ -285,11 +288,11 @@ def write_calibration(path: Path, run: RunData) -> None:
     refused = path.with_suffix(f".refused{path.suffix}")
     file, described = calibration_of(run), ["robot"]
     if run.recordings:
-        recorded, described = run.recordings[0].folder, ["robot", "instrument", "plate"]
-    else:
-        recorded = run.tables[0][2].file.parent
+        described += ["instrument", "plate"]
+    if run.of_arrays:
+        _require_shipped(run, file)
     copied = {
-        key: copied_description(path.parent, key, recorded / name)
+        key: copied_description(path.parent, key, run.folder / name)
         for key in described
         if (name := getattr(file, key)).endswith(".yaml")
     }
@@ -302,7 +305,7 @@ def write_calibration(path: Path, run: RunData) -> None:
     )
     write_yaml(refused, plain)
     try:
-        load_calibration(refused)
+        load(refused)
     except InputError as error:
         path.unlink(missing_ok=True)
         raise RefusedResultError(
@@ -310,3 +313,15 @@ def write_calibration(path: Path, run: RunData) -> None:
             f"results refuses it: {error}"
         ) from error
     refused.replace(path)
+
+
+def _require_shipped(run: RunData, file: CalibrationFile) -> None:
+    """Raises InputError unless the names in a file stand for what the arrays were given with."""
+    named = Calibration(file).identified_robot().description
+    given = run.identification.robot.identified.description
+    if not same_contents(given, named):
+        raise InputError(
+            f"{file.robot} is not the robot of that name that is shipped, or ball-bar or plate are "
+            "not, and calibration.yaml can name only descriptions in files. Write them as YAML, "
+            "and the logs as a recording folder (ballbar new)."
+        )

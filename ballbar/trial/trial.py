@@ -34,9 +34,9 @@ from ballbar.ident.verdict import Status, noise_status
 from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.compare import Comparison, compare_geometry, compare_kinematics, z_rms
+from ballbar.result.identify import identified
 from ballbar.result.names import RECORDING
 from ballbar.result.run_data import FittedRecording
-from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.sim.errors.sample_errors import delay_of
 from ballbar.sim.recording_files import write_recording
@@ -154,7 +154,7 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
 
 
 def _ml_row(scenario: Scenario, made: _Recorded) -> Row:
-    data = identify_recordings([made.folder], settings=scenario.identify)
+    data = identified([_read(made)], options=scenario.identify.options)
     (recording,), result = data.recordings, data.identification
     estimate, fitted = recording.estimate, result.fit
     comparison = identification_against_truth(result, made.truth)
@@ -178,7 +178,7 @@ def _paired(
             raise InputError("identify.pairing = logs needs a ball-bar with encoders")
         paired = pair_logs(cost, nominal, read.robot_log, read.ballbar_log, count=settings.samples)
         return paired.start, paired.q, paired.b, (paired.offset, 0.0)
-    data = identify_recordings([made.folder], settings=settings)
+    data = identified([_read(made)], options=settings.options)
     (recording,) = data.recordings
     estimate = recording.estimate
     offsets = {name: estimate.geometry[name] for name in ENCODER_OFFSETS}

@@ -19,7 +19,7 @@ from ballbar.ident.options import FitOptions
 from ballbar.ident.recording_fit import Logs
 from ballbar.ident.result import Identification, RecordingEstimate
 from ballbar.ident.table_fit import fit_table
-from ballbar.recordings.followed import poses_of
+from ballbar.recordings.read import poses_of
 from ballbar.sphere_coverage import coverage
 
 COVERED_ROWS = 3000  # of the robot's log, for the share of the sphere

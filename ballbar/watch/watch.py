@@ -37,7 +37,7 @@ from ballbar.ident.robot.tcp_uncertainty import scale_error
 from ballbar.ident.start.automatic import Hypothesis
 from ballbar.ident.verdict import Status
 from ballbar.recordings.read_with_causes import read_with_causes
-from ballbar.result.run_recordings import logs_of
+from ballbar.result.identify import logs_of
 from ballbar.watch.alarms import (
     SEEN_TWICE,
     FindingAlarms,

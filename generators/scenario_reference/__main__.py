@@ -4,13 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from generators.scenario_reference.figures import (
-    PLOTS,
-    draw,
-    measured_sizes,
-    read_sizes,
-    write_sizes,
-)
+from generators.scenario_reference.figures import PLOTS, draw, measured_sizes, write_sizes
 from generators.scenario_reference.page import PAGE, page_text
 from generators.scenario_reference.sources import SOURCES
 
@@ -24,7 +18,7 @@ def main() -> None:
         for source in SOURCES:
             draw(source)
         write_sizes(measured_sizes())
-    PAGE.write_text(page_text(read_sizes()), encoding="utf-8")
+    PAGE.write_text(page_text(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
-"""Keys as the page prints them: values, default, unit and meaning, from the settings' models."""
+"""Keys as the page prints them: default, values and meaning, from the settings' models."""
 
 from __future__ import annotations
 
 import inspect
+import re
 import types
-from collections.abc import Iterator
+from collections.abc import Mapping
 from typing import Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen  # comes with pydantic
@@ -13,24 +14,8 @@ from pydantic.fields import FieldInfo
 
 from ballbar.scenario import Scenario
 
-UNITS = {  # by the end of the key, the longest first
-    "N_per_m": "N/m",
-    "N_m": "N m",
-    "_ppm": "ppm",
-    "_rad": "rad",
-    "_deg": "deg",
-    "_hz": "Hz",
-    "_m": "m",
-    "_s": "s",
-    "_N": "N",
-}
 _BOUNDS = ((Ge, "≥", "ge"), (Gt, ">", "gt"), (Le, "≤", "le"), (Lt, "<", "lt"))
 _KINDS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
-
-
-def unit_of(name: str) -> str:
-    """The unit that a key ends with; empty for none."""
-    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
 
 
 def models_in(annotation: object) -> list[type[BaseModel]]:
@@ -86,24 +71,26 @@ def values_text(field: FieldInfo) -> str:
     return _kind(field.annotation) + _bounds(field.metadata)
 
 
-def list_item(name: str, field: FieldInfo) -> str:
-    """Key, default, unit, values and meaning as one item of a list."""
-    parts = (f"`{name}: {default_text(field)}`", unit_of(name), f"({values_text(field)})")
-    text = " ".join(part for part in parts if part)
-    return f"- {text}: {field.description}" if field.description else f"- {text}"
+def row(key: str, field: FieldInfo) -> str:
+    """Key, default, values and meaning as one line of a table; plain numbers need no kind."""
+    values = re.sub(r"^number( |$)|^true or false$", "", values_text(field))
+    meaning = (field.description or "").replace("|", "\\|")
+    return f"|`{key}`|`{default_text(field)}`|{values}|{meaning}|\n"
 
 
-def table(section: str, model: type[BaseModel]) -> Iterator[str]:
-    """Table of the keys of a model that hold no model of their own; empty without such keys."""
-    plain = {
-        name: field for name, field in model.model_fields.items() if not models_in(field.annotation)
+def table(fields: Mapping[str, FieldInfo]) -> str:
+    """Table of keys; empty without one."""
+    head = "|key|default|values|meaning|\n|---|---|---|---|\n"
+    return "\n" + head + "".join(row(*item) for item in fields.items()) if fields else ""
+
+
+def plain(section: str, model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Fields of a model that hold no model of their own, by their dotted keys."""
+    return {
+        f"{section}.{field.alias or name}".lstrip("."): field
+        for name, field in model.model_fields.items()
+        if not models_in(field.annotation)
     }
-    if plain:
-        yield "\n| key | values | default | meaning |\n|---|---|---|---|\n"
-    for name, field in plain.items():
-        key = f"{section}.{field.alias or name}".lstrip(".")
-        meaning = field.description or ""
-        yield f"| `{key}` | {values_text(field)} | `{default_text(field)}` | {meaning} |\n"
 
 
 def _kind(annotation: Any) -> str:

@@ -16,8 +16,8 @@ from ballbar.sim.settings import OF_BALLBAR, OF_PATH, OF_POSES
 from generators.scenario_reference.keys import (
     field_at,
     first_paragraph,
-    list_item,
     models_in,
+    plain,
     table,
     value_text,
     values_text,
@@ -36,100 +36,48 @@ Every key of a scenario, with a picture for every error source. Written by
 `python -m generators.scenario_reference` from the schema that checks a scenario file and from the
 description files in `cell/`; do not edit.
 
-A key carries its unit in its name (`_m`, `_rad`, `_s`, `_N`, `_hz`). A key that is not given takes
-its default. An error source is absent unless a scenario names it:
-`errors: {{joint_compliance: {{}}}}` switches one on at its default size. An unknown key, a value
-out of range or a wrong kind is refused with the file's line.
+A key carries its unit in its name. One that is not given takes its default. An error source is
+absent unless a scenario names it: `errors: {joint_compliance: {}}` switches one on at its default
+size. An unknown key, a value out of range or a wrong kind is refused with the file's line.
+`extends` and `--set`: [Vary and reuse files](how_to/run_a_sweep.md#set-a-value-or-extend-a-file).
 
-`extends: FILE` takes over another scenario, and `--set KEY=VALUE` replaces a value on the command
-line: [Vary and reuse files](how_to/reuse_files.md).
+What differs from unit to unit is drawn from the scenario's seed, each source from a stream of its
+own, so switching one on leaves all others bit-identical. z is a standard normal draw, phi a drawn
+phase. `m` motor hinge, `e` elastic deflection, `q = m + e` joint; `g` output of a gear,
+`joints = gears @ gear_to_joint` ([conventions](conventions.md)); `L` load on a gear, `tau` torque
+of its servo, both at its output; `b` ball-bar angle; `s` elongation of the rod, or angle of an
+encoder's shaft; `F` force.
 
-What differs from unit to unit (phases, spread, deviations) is drawn from the scenario's seed. Each
-source draws from a stream of its own, so switching one on leaves all others bit-identical. z is a
-standard normal draw, phi a drawn phase.
-
-**Letters.** `m` motor hinge, `e` elastic deflection, `q = m + e` joint; `g` output of a gear,
-`joints = gears @ gear_to_joint` ([conventions](conventions.md)); `L` load on a gear and `tau`
-torque of its servo, both at its output, at rest `tau = -L`; `b` ball-bar angle; `s` elongation of
-the rod, or angle of an encoder's shaft; `F` force.
-
-**Plots.** IRB 2400 with the errors of thesis Table 3.1 on the 600 mm ball-bar, soft servo, 60 s, no
-noise. A curve is the run with the source minus the same run without it, unless the axes say
-otherwise. Geometry, sensors and clocks are plotted with the kinematic plant. "Tool, bar - robot" is
-the tool's position by the ball-bar's log minus that by the robot's log, in the robot's base frame,
-with rigid kinematics and the geometry of the run without the source. It is what is left when only
-geometry is identified.
-
-{contents}
+Pictures: an IRB 2400 with the errors of thesis Table 3.1, 600 mm ball-bar, soft servo, 60 s, no
+noise; the run with the source minus that without it, unless the axes say otherwise. "Tool, bar -
+robot" is the tool by the ball-bar's log minus that by the robot's, with rigid kinematics.
+[Largest changes](images/effects/sizes.csv) of every source, in um, urad and N.
 """
 
-ROW = """<tr>
-<td width="60%" valign="top">
-
+ROW = """
 ### {key}
 
 {what}
 
-{model}
-
-{keys}
-
-{machine}Enters: {enters}<br>
-Default from: {origin}
-
-</td>
-<td width="40%" valign="top">
-
-<img src="images/effects/{key}.svg" width="320" height="180" alt="{key}: {label}">
-
-{in_log}
-
-</td>
-</tr>
-"""
+![{key}](images/effects/{key}.svg)
+{keys}"""
 
 POSES_HEAD = """
 ## Still poses
 
-A scenario with `poses` in place of `path`: the robot stands before a telescoping ball-bar, a
-draw-wire, a tracker or a socket ([instruments](poses.md)). `ballbar run` writes a table of poses,
-identifies the robot from it and compares it with the truth. The file of the robot needs no masses:
-without them, and before an instrument that does not pull, the poses are kinematic, and the run says
-so.
-
-A key that belongs to another kind of scenario is refused, unless it states its default.
+With `poses` in place of `path` the robot stands before another instrument; without masses in its
+file, and before one that does not pull, the poses are kinematic. A key of another kind of scenario
+is refused, unless it states its default.
 
 - With `poses` only: {of_poses}.
 - With `path` only: {of_path}; of `accept` all but {limits}.
 - With `path` and a ball-bar with encoders only: {of_ballbar}.
 """
 
-SIZES_HEAD = """
-## Sizes of the effects
 
-Largest change of the logs against the same run without the source, with the sizes plotted above,
-measured by the same command (`images/effects/sizes.csv`). These are orders of magnitude: they
-depend on path, seed and servo. A rod force of - means the kinematic plant: the ball-bar keeps its
-path and the robot follows.
-
-| source | tool, bar - robot [um] | robot angle [urad] | ball-bar angle [urad] | rod force [N] |
-|---|---:|---:|---:|---:|
-"""
-
-
-def page_text(sizes: list[dict[str, str]]) -> str:
-    """The whole page; sizes : rows of sizes.csv."""
-    contents = "\n".join(
-        f"- {group}: " + ", ".join(f"[{s.key}](#{_anchor(s.key)})" for s in sources)
-        for group, sources in GROUPS.items()
-    )
-    rows = (
-        f"| [{r['source']}](#{_anchor(r['source'])}) {r['variant']} | "
-        f"{r['tool_um']} | {r['q_urad']} | {r['b_urad']} | {r['rod_N']} |\n"
-        for r in sizes
-    )
-    head, sections = HEAD.format(contents=contents), "".join(_sections())
-    return head + sections + _still_poses() + SIZES_HEAD + "".join(rows)
+def page_text() -> str:
+    """The whole page."""
+    return HEAD + "".join(_sections()) + _still_poses()
 
 
 def _still_poses() -> str:
@@ -141,26 +89,31 @@ def _still_poses() -> str:
 
 def _sections() -> Iterator[str]:
     """The keys at the top, then each section: its table, then its sources group by group."""
-    pictured = {source.key for sources in GROUPS.values() for source in sources}
-    yield "\n## At the top\n"
-    yield from table("", Scenario)
+    yield "\n## At the top\n" + table(plain("", Scenario))
     for section, info in Scenario.model_fields.items():
         for model in models_in(info.annotation):
-            yield f"\n## {section}\n\n{first_paragraph(model)}\n"
-            yield from table(section, model)
+            yield f"\n## {section}\n\n{first_paragraph(model)}\n{table(plain(section, model))}"
             yield from _pictures(section)
-            for name, field in model.model_fields.items():
-                if (key := f"{section}.{name}") not in pictured:
-                    yield from (
-                        _without_picture(key, field, m) for m in models_in(field.annotation)
-                    )
+            yield from _without_picture(section, model)
 
 
-def _without_picture(key: str, field: FieldInfo, model: type[BaseModel]) -> str:
-    items = "\n".join(list_item(name, each) for name, each in model.model_fields.items())
-    many = "A list." if values_text(field).startswith("list of") else ""
-    notes = [first_paragraph(model), field.description or "", many]
-    return f"\n**`{key}`** {' '.join(note for note in notes if note)}\n\n{items}\n"
+def _without_picture(section: str, model: type[BaseModel]) -> Iterator[str]:
+    """Keys of the models below a section that have no picture; keys of one model together."""
+    pictured = {source.key for sources in GROUPS.values() for source in sources}
+    keys: dict[type[BaseModel], dict[str, FieldInfo]] = {}
+    for name, field in model.model_fields.items():
+        for inner in models_in(field.annotation):
+            if (key := f"{section}.{name}") not in pictured:
+                keys.setdefault(inner, {})[key] = field
+    for inner, fields in keys.items():
+        notes = [
+            f"**`{key}`** {field.description or ''}{_many(field)}" for key, field in fields.items()
+        ]
+        yield "\n" + " ".join((first_paragraph(inner), *notes)) + "\n" + table(inner.model_fields)
+
+
+def _many(field: FieldInfo) -> str:
+    return " A list." if values_text(field).startswith("list of") else ""
 
 
 def _pictures(section: str) -> Iterator[str]:
@@ -168,38 +121,20 @@ def _pictures(section: str) -> Iterator[str]:
     for group, every in GROUPS.items():
         sources = [source for source in every if source.key.split(".")[0] == section]
         if sources:
-            yield f"\n**{group}**\n\n<table>\n{''.join(map(_row, sources))}</table>\n"
-
-
-def _anchor(key: str) -> str:
-    return key.replace(".", "")  # as forges form it from the heading
+            yield f"\n**{group}**\n{''.join(map(_row, sources))}"
 
 
 def _row(source: Source) -> str:
     info = field_at(source.key)
     models = models_in(info.annotation)
-    what = source.what or (first_paragraph(models[0]) if models else info.description) or ""
-    return ROW.format(
-        key=source.key,
-        what=what,
-        model=source.model,
-        keys=_keys(source.key, info, models),
-        machine=_machine(source),
-        enters=source.enters,
-        origin=source.origin,
-        label=source.plot.axes[1],
-        in_log=source.in_log,
-    )
-
-
-def _keys(key: str, info: FieldInfo, models: list[type[BaseModel]]) -> str:
-    """The keys of a source as a list, below what its field itself says."""
-    if not models:
-        return list_item(key, info)
-    many = "A list, each with:" if values_text(info).startswith("list of") else ""
-    notes = " ".join(note for note in (info.description, many) if note)
-    items = [list_item(name, field) for name, field in models[0].model_fields.items()]
-    return "\n".join([notes, "", *items] if notes else items)
+    if not models:  # its key is a row of the section's table
+        sentences = [source.model, _machine(source), f"Default: {source.origin}"]
+        return ROW.format(key=source.key, what=" ".join(filter(None, sentences)), keys="")
+    what = source.what or first_paragraph(models[0])
+    note = (info.description or "") + _many(info)
+    origin = f"Default: {source.origin}"
+    what = " ".join(filter(None, (what, source.model, note.strip(), _machine(source), origin)))
+    return ROW.format(key=source.key, what=what, keys=table(models[0].model_fields))
 
 
 def _machine(source: Source) -> str:
@@ -212,7 +147,7 @@ def _machine(source: Source) -> str:
     }
     same = len(set(texts.values())) == 1
     by_robot = "; ".join(f"{robot} {text}" for robot, text in texts.items())
-    return f"Size: {next(iter(texts.values())) if same else by_robot} ({unit})<br>\n"
+    return f"Size: {next(iter(texts.values())) if same else by_robot} ({unit})."
 
 
 def _numbers(values: ArrayLike) -> str:

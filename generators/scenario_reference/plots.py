@@ -41,9 +41,7 @@ class Source:
 
     key: str  # in the scenario, with dots
     model: str
-    enters: str
     origin: str  # of the default
-    in_log: str
     plot: Plot
     what: str = ""  # where the settings have no model of its own
     # unit and sizes of the description files

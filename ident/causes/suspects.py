@@ -62,7 +62,7 @@ DECISIVE = 3.0  # times less than as declared
 COMPARABLE = 2.0  # times the best: a suspect that is named too
 STILL = 1e-3  # [rad] range of a column that stands still
 MOVES = 0.1  # [rad] range of a joint that does not
-# [m] rms from the sphere; robots with errors of 10 mm and mrad stay below (notes/start)
+# [m] rms from the sphere; robots off by 10 mm and mrad stay below (notes/identification sec. 8)
 OFF_SPHERE = 0.010
 # [m] smallest error of the rod that is named, and in standard deviations of the sphere's radius
 ROD_ERROR, ROD_SIGMAS = 5e-4, 2.0

@@ -1,8 +1,9 @@
 """Bearings of the first joints tilt under the moment across their axes.
 
 A bearing yields about x and y of the frame in which its joint turns, each by a compliance of its
-own: one for both hides a bearing that is not symmetric (notes/unknown_machines). Where an axis is
-parallel to the joint before, that joint's gear compliance holds the tilt too, and none is fitted.
+own: one for both hides a bearing that is not symmetric (notes/identification sec. 7). Where an
+axis is parallel to the joint before, that joint's gear compliance holds the tilt too, and none is
+fitted.
 """
 
 from __future__ import annotations

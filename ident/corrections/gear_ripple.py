@@ -13,7 +13,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Robot
 from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
-RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn (notes/parameters, resolver)
+RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn (notes/plant, motor_position_sensor)
 WAVES = {"sin": np.sin, "cos": np.cos}
 
 

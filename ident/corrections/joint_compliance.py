@@ -7,7 +7,7 @@ import numpy as np
 from ballbar.cell.descriptions import Robot
 from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, remade
 
-# Of the catalogue compliance: gears of one class differ by a factor of 1.7 (notes/parameters,
+# Of the catalogue compliance: gears of one class differ by a factor of 1.7 (notes/plant,
 # irb2400: range of the stiffness), and the links' own compliance adds to it.
 SPREAD = 0.5
 

@@ -12,7 +12,7 @@ from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import parameter_named
 from ballbar.ident.corrections.base import Coefficient, Correction, State
 
-# clearance holes and a face that was wiped (notes/unknown_machines); a dowel pin leaves a fifth
+# clearance holes, a face that was wiped (notes/identification sec. 7); a dowel pin leaves a fifth
 SHIFT, TURN = 1e-4, 2.5e-4  # [m], [rad]
 # all six directions: the last encoder has an offset in each recording, so `theta` shifts the tool
 KINDS = ("a", "d", "alpha", "theta", "beta")

@@ -35,7 +35,7 @@ from ballbar.ident.estimator.priors import (
 from ballbar.ident.estimator.unknowns import NOWHERE, Own, Placed, PlacedPoses, Unknowns
 
 POSITION_PRIOR = 1.0  # [m] of the ball-bar's base: the start has found it; keeps the steps finite
-TILT_PRIOR = 3e-3  # [rad] of the ball-bar's base (notes/parameters, base: 1 mrad)
+TILT_PRIOR = 3e-3  # [rad] of the ball-bar's base (notes/plant, base: 1 mrad)
 ENCODER_OFFSET_PRIOR = 1.0  # [rad]
 CLOCK_PRIOR = 1.0, 1e-3  # offset [s] and skew [1] around what the start has found
 STEP_PRIOR = 1.0  # [s] of a clock step

@@ -22,7 +22,7 @@ from ballbar.ident.estimator.observations import FollowedPoses
 from ballbar.ident.estimator.samples import Samples
 
 BLOCK = 3.0  # [s] longer than residuals are correlated: the path's own motion, the tension's knots
-LENGTH = 6.0  # [s] of a block: longer than residuals are correlated (notes/unknown_machines)
+LENGTH = 6.0  # [s] of a block: longer than residuals are correlated (notes/identification sec. 7)
 FOLDS = 5  # every fifth block is left out at once
 NONE = np.empty(0, dtype=np.intp)
 

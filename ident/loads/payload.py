@@ -7,8 +7,8 @@ file says (m) and its first moment (m c) in the flange's frame, the arm's excess
 deviates beside it, friction (Coulomb, viscous, Stribeck's rise towards rest), offsets, gains g,
 rotor inertias. The tension F is eliminated sample by sample (ballbar.ident.loads.rod_tension).
 Gains multiply the modelled load: on the logged torque they and s would run away together to where
-everything is zero (notes/unknown_machines). Links taken as exact but for s draw the tool's mass by
-many times its sigma.
+everything is zero (notes/identification sec. 7). Links taken as exact but for s draw the tool's
+mass by many times its sigma.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from ballbar.ident.loads.undeclared import undeclared_columns, undeclared_load
 MASS_PRIOR, MOMENT_PRIOR = 10.0, 3.0  # [kg], [kg m] a tool that nobody declared
 ARM_PRIOR = 0.05  # of a catalogue arm's masses, with what hangs on it
 # Standard deviation that no block of time shows, over the arm's mass: a correct tool of 4 kg on an
-# arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/unknown_machines). So masses that are
+# arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/identification sec. 7). So masses that are
 # beside their files by less than SURE times that are never named, whatever the rows.
 FLOOR = 1e-3
 EXACT = 1e-9  # of the arm's factor where the links deviate one by one

@@ -23,7 +23,7 @@ from ballbar.ident.loads.gear_loads import Loads, mass_model, on_ballbar
 
 # [N m] of every gear. What a law of friction leaves is as large in the wrist as in the main axes,
 # and no noise: with the 0.3 N m that a wrist's log shows, tensions were found up to 9 % too small,
-# and with them gears too soft (notes/unknown_machines).
+# and with them gears too soft (notes/identification sec. 7).
 TORQUE_SIGMA = 2.0
 # Keys of the robot's file without which motor torques do not tell the tension.
 TORQUE_NEEDS: tuple[Key, ...] = ("links", "gears", "rotor_inertia_kg_m2")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import compress
 from typing import Protocol
@@ -88,6 +88,10 @@ class IdentifiedRobot:
     target: Placement | None = None  # the tool in the last row's frame; None: that frame itself
     ranges: Array | None = None  # (J, 2) [rad] of each joint that were fitted; None: not stated
     stated: StatedUncertainty | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        """The fields alone: a cached `uncertainty` is a function, which cannot be pickled."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
     def robot(self) -> Robot:

@@ -6,7 +6,7 @@ sphere on which the tool moves (ballbar.ident.start.sphere); two encoders of a g
 rod's direction give clock offset, encoder direction and offsets in one scan of all lags
 (ballbar.ident.start.lag_scan). Several lags and branches are kept as hypotheses to the end, each is
 fitted, and what the fits explain decides: a first peak, or a first small residual, can be an alias
-of the motion. Algorithm, traps and the study behind the constants: notes/start (500 draws).
+of the motion. Algorithm and the study behind the constants: notes/identification sec. 8.
 
 The directions of b2 and b4 are unobservable (one gauge with the configuration) and stay as
 declared; those of b1, b3 and b5 are found, and a disagreement with the declared ones is reported.

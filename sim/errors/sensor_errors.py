@@ -1,6 +1,6 @@
 """Error sources of encoders and resolvers: their keys in a scenario.
 
-What they mean for one sensor stands in ballbar.sim.errors.sensor_effects. Sizes: notes/parameters,
+What they mean for one sensor stands in ballbar.sim.errors.sensor_effects. Sizes: notes/plant,
 encoder_error_model and motor_position_sensor; shapes: Renishaw, The accuracy of rotary encoders.
 """
 

@@ -67,7 +67,7 @@ class StaticErrors(Strict):
 
 class BallbarAxes(Strict):
     """The axes of gimbal and universal joint do not intersect and are not square; both are drawn
-    (notes/parameters, joints_mechanical).
+    (notes/plant, joints_mechanical).
     """
 
     sigma_m: NotNegative = 5.0e-6
@@ -81,7 +81,7 @@ class BallbarAxes(Strict):
 
 
 class BaseTilt(Strict):
-    """The base of the ball-bar is not parallel to the robot's (notes/parameters, base).
+    """The base of the ball-bar is not parallel to the robot's (notes/plant, base).
     Two angles are drawn.
     """
 

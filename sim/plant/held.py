@@ -38,7 +38,7 @@ from ballbar.sim.settings import RodAndWire
 from ballbar.sim.true_robot import TrueArm, TrueMachine
 from ballbar.sim.truth import TruePlace
 
-TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
+TIMESTEP = 1e-3  # [s] (notes/plant sec. 2)
 # [s] the arm's slowest oscillation decays by a factor of a thousand in the first hold
 HOLDS = (1.0, 0.5, 0.5, 0.5)
 BATCH = 25  # poses per rollout call: 100 MB of states

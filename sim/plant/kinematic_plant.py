@@ -10,7 +10,7 @@ is at rest with links of that instant's length. The plant runs with the lengths 
 its motion is then corrected for the growth. A ball-bar keeps the tool's pose, to which the longer
 arm is turned, joints and motors together; before a rod or a wire the motors hold, and the tool
 moves. The loads are those of the run: 50 um change the rod's force under a soft servo by a few
-newtons, since the millimetres of thesis Table 3.1 make 80 N (docs/experiments.md).
+newtons, since the millimetres of thesis Table 3.1 make 80 N (docs/thesis_figures.md).
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ of motor i is a body of its own that turns by the gear's output angle (hinge `g`
 inertia referred to the output). Servo, friction and ripple act on it; a fixed tendon over the
 joints and the rotor is spring, damper and backlash of the gear. With rigid gears there are no
 rotors, and the motor acts on a fixed tendon over the joints. Recipes and their measurements:
-notes/mujoco secs. 1, 2, 4, 8, 11.
+notes/plant secs. 1, 2, 4, 8, 11.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from ballbar.sim.plant.mjcf_parts import (
     set_inertia,
 )
 
-WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (notes/mujoco sec. 2)
-WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # (notes/mujoco sec. 2)
-PASSIVE = 16  # dcmotor without a control input: mjtCtrlSpec "none" (notes/mujoco sec. 4)
+WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (notes/plant sec. 2)
+WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # (notes/plant sec. 2)
+PASSIVE = 16  # dcmotor without a control input: mjtCtrlSpec "none" (notes/plant sec. 4)
 BRISTLE_TRAVEL = 2e-5  # [rad] shortest pre-sliding of the friction model: below the gears' backlash
 # [rad/s] highest natural frequency of bristle and rotor: MuJoCo integrates the bristle explicitly,
-# and above this frequency it chatters (notes/mujoco sec. 4)
+# and above this frequency it chatters (notes/plant sec. 4)
 BRISTLE_RATE = 200.0
 BRISTLE_DAMPING = 0.7  # damping ratio of bristle and rotor
 HYSTERESIS_STIFFNESS = 4.0  # of the gear's: the friction element slips early in the loop
@@ -160,7 +160,7 @@ def _add_bending_plate(
 
     Under a load at the tip its deflection and tilt are those of a cantilever. tool : rotation
     (3, 3) and position (3,) [m] in the flange's frame. length : [m]. tip_stiffness : [N/m]. Source:
-    notes/mujoco sec. 1.
+    notes/plant sec. 1.
     """
     rotation, position = tool
     arm = np.array([2.0 * length / 3.0, 0.0, 0.0])

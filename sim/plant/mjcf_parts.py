@@ -46,7 +46,7 @@ def empty_spec(name: str, *, timestep: float, gravity: Array) -> mujoco.MjSpec:
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """The model of a specification, every site at its own pose.
 
-    MuJoCo takes a site within 1e-6 of its body's frame for identical with it (notes/mujoco
+    MuJoCo takes a site within 1e-6 of its body's frame for identical with it (notes/plant
     sec. 7.1), which would be an error of 0.9 urad.
     """
     model = spec.compile()

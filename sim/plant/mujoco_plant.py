@@ -27,7 +27,7 @@ from ballbar.sim.plant.effects import Plant
 from ballbar.sim.plant.mjcf import PlantModel, plant_model
 from ballbar.sim.plant.statics import Equilibrium, equilibrium, gravity_torque
 
-CLOSURE_LIMIT = 0.5e-6  # [m, rad] twice what 60 s with all effects reach (notes/mujoco sec. 2)
+CLOSURE_LIMIT = 0.5e-6  # [m, rad] twice what 60 s with all effects reach (notes/plant sec. 2)
 _GRAVITY_STEP = 0.05  # [s] grid of the gravity feed-forward; no path moves at more than a few Hz
 _STRETCH = 2.0  # [s] simulated between two calls of a motion callback
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS

@@ -6,7 +6,7 @@ subject to the closed loop, by Newton steps on the Lagrangian. The Hessian omits
 the loop and of gravity, a few hundredths of the servo stiffness, so each step gains one to two
 digits. Backlash is piecewise linear; within it a spring of a ten-thousandth of the stiffness keeps
 the step defined. Friction and hysteresis have no energy and are not included. The MuJoCo model
-shares nothing with this one but the descriptions, so that each can check the other (notes/mujoco
+shares nothing with this one but the descriptions, so that each can check the other (notes/plant
 sec. 5).
 """
 

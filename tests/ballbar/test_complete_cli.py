@@ -28,9 +28,9 @@ from ballbar.identify_settings import IdentifySettings
 from ballbar.replay.viewer import chosen_replay
 from ballbar.replay.write import write_replay
 from ballbar.report.page import render_report
-from ballbar.result.calibration import load_calibration
+from ballbar.result.calibration import load
+from ballbar.result.identify import identify, names_of_places
 from ballbar.result.run_data import RunData, Validation
-from ballbar.result.run_recordings import distinct_names, identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from ballbar.scenario import load_scenario
 from ballbar.sim.recording_files import write_recording
@@ -95,8 +95,8 @@ def together(tmp_path_factory: pytest.TempPathFactory, third_path: Path) -> Toge
 @pytest.fixture(scope="module")
 def machine(together: Together) -> RunData:
     """The same two recordings, from Python."""
-    settings = IdentifySettings(samples=500)
-    return identify_recordings([together.a, together.b], settings=settings)
+    options = FitOptions(samples=500)
+    return identify(together.a, together.b, options=options).data
 
 
 def number(text: str) -> float:
@@ -142,7 +142,7 @@ def test_two_recordings_give_one_robot_and_the_held_out_line_comes_first(
 def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_tool(
     together: Together, machine: RunData
 ) -> None:
-    read = load_calibration(together.out / "calibration.yaml")
+    read = load(together.out / "calibration.yaml")
     first, second = read.file.logs
     assert [first.name, second.name] == ["A", "B"]
     clocks = [entry.clock.offset_s for entry in (first, second) if entry.clock is not None]
@@ -184,7 +184,7 @@ def test_a_joint_calibration_comes_near_the_truth(together: Together, machine: R
 @pytest.mark.slow
 def test_the_report_shows_the_numbers_of_the_complete_model(together: Together) -> None:
     page = (together.out / "report.html").read_text()
-    file = load_calibration(together.out / "calibration.yaml").file
+    file = load(together.out / "calibration.yaml").file
     cells = Cells(page)
     for name in ("compliance2", "compliance5"):
         entry = file.corrections["joint_compliance"][name]
@@ -242,7 +242,7 @@ def test_a_tenth_of_a_millimetre_or_milliradian_is_too_much_for_a_held_out_recor
     robot = replace(result.robot, identified=replace(result.robot.identified, geometry=bent))
     outcome = tried_on(replace(result, robot=robot), together.c)
     assert not outcome.acceptable
-    (sound,) = load_calibration(together.out / "calibration.yaml").file.held_out
+    (sound,) = load(together.out / "calibration.yaml").file.held_out
     assert outcome.identified.ratio > 1.5 * sound.identified.ratio
 
 
@@ -253,7 +253,7 @@ def test_what_one_path_leaves_open_is_expected_on_another_and_no_misfit(together
 
     notes/identification sec. 6, trap 4.
     """
-    alone = identify_recordings([together.a], settings=IdentifySettings(samples=500))
+    alone = identify(together.a, options=FitOptions(samples=500)).data
     outcome = tried_on(alone.identification, together.b)
     assert outcome.identified.ratio > 1.5
     assert outcome.acceptable
@@ -296,7 +296,7 @@ def test_an_encoder_that_slips_is_a_step_fault_in_every_output(
     folder = slipped(together.a, tmp_path / "A")
     code, said, _ = ballbar("identify", folder, "--samples", 500, "--out", tmp_path / "out")
     assert code == 0, said
-    read = load_calibration(tmp_path / "out/calibration.yaml").file
+    read = load(tmp_path / "out/calibration.yaml").file
     (recording,) = read.recordings
     (fault,) = recording.step_faults
     assert (fault.kind, fault.joint, abs(fault.periods)) == ("encoder", 4, 5)
@@ -314,7 +314,7 @@ def test_an_encoder_that_slips_while_held_out_is_no_fault_of_the_machine(
     code, said, _ = ballbar(*words, "--out", tmp_path / "out")
     assert code == 0, said
     assert re.search(r"^step fault: C: encoder b4 slipped [+-]5 signal periods", said, re.MULTILINE)
-    (held,) = load_calibration(tmp_path / "out/calibration.yaml").file.held_out
+    (held,) = load(tmp_path / "out/calibration.yaml").file.held_out
     assert [abs(fault.periods) for fault in held.step_faults] == [5]
     assert held.identified.ratio < 1.4
 
@@ -410,7 +410,7 @@ def test_kinematics_alone_are_fitted_to_two_recordings(
     code, out, err = ballbar("identify", *two, *words)
     assert code in (0, 1), err
     assert " samples in " in out
-    file = load_calibration(tmp_path / "out/calibration.yaml").file
+    file = load(tmp_path / "out/calibration.yaml").file
     assert file.model == "dh"
     assert [recording.name for recording in file.recordings] == ["A", "B"]
     assert not file.corrections
@@ -427,9 +427,9 @@ def test_a_recording_counts_once(two: tuple[Path, Path], tmp_path: Path, option:
 
 def test_recordings_are_named_by_what_tells_them_apart() -> None:
     folders = [Path("/data/monday/recording"), Path("/data/tuesday/recording"), Path("/data/x")]
-    assert distinct_names(folders) == ["monday/recording", "tuesday/recording", "x"]
+    assert names_of_places(folders) == ["monday/recording", "tuesday/recording", "x"]
     with pytest.raises(InputError, match="given twice"):
-        distinct_names([Path("/data/x"), Path("/data/y/../x")])
+        names_of_places([Path("/data/x"), Path("/data/y/../x")])
 
 
 def test_scenarios_take_the_same_settings_and_name_the_line_of_a_wrong_one(tmp_path: Path) -> None:
@@ -472,9 +472,7 @@ def test_a_scenario_runs_with_the_model_that_it_asks_for(tmp_path: Path) -> None
     code, said, err = ballbar("run", file, "--out", tmp_path / "out")
     assert code == 0, said + err
     assert "coefficients of 1 correction (gear_ripple) from 200 samples" in said
-    assert list(load_calibration(tmp_path / "out/calibration.yaml").file.corrections) == [
-        "gear_ripple"
-    ]
+    assert list(load(tmp_path / "out/calibration.yaml").file.corrections) == ["gear_ripple"]
 
 
 @pytest.fixture(scope="module")
@@ -485,8 +483,8 @@ def light(recorded: Recorded, tmp_path_factory: pytest.TempPathFactory) -> RunDa
     """
     folder = tmp_path_factory.mktemp("light") / "again"
     shutil.copytree(recorded.folder, folder)
-    settings = IdentifySettings(samples=200, corrections=("gear_ripple",))
-    return identify_recordings([recorded.folder, folder], settings=settings)
+    options = FitOptions(samples=200, corrections=("gear_ripple",))
+    return identify(recorded.folder, folder, options=options).data
 
 
 def page_of(data: RunData) -> str:
@@ -540,7 +538,7 @@ def test_a_single_recording_is_not_told_apart_from_others(
     )
     assert code == 0
     assert said.startswith(("Good fit", "Usable, with care"))
-    file = load_calibration(tmp_path / "out/calibration.yaml").file
+    file = load(tmp_path / "out/calibration.yaml").file
     assert len(file.recordings) == 1
     assert not file.held_out
     page = (tmp_path / "out/report.html").read_text()
@@ -567,7 +565,7 @@ def outcome_of(normalised_innovation: float, *step_faults: StepFault) -> HeldOut
 
 def with_validation(data: RunData, outcome: HeldOut) -> RunData:
     first = data.recordings[0]
-    return replace(data, validations=(Validation(first.folder, first.recording, outcome),))
+    return replace(data, validations=(Validation(first.recording, outcome),))
 
 
 def test_a_held_out_misfit_makes_the_page_and_the_run_not_acceptable(light: RunData) -> None:
@@ -585,7 +583,7 @@ def test_a_held_out_misfit_makes_the_page_and_the_run_not_acceptable(light: RunD
 def test_the_calibration_of_a_held_out_recording_reads_back(light: RunData, tmp_path: Path) -> None:
     outcome, path = outcome_of(1.05), tmp_path / "calibration.yaml"
     write_calibration(path, with_validation(light, outcome))
-    (held,) = load_calibration(path).file.held_out
+    (held,) = load(path).file.held_out
     assert (held.name, held.sentence, held.acceptable) == ("C", outcome.sentence, True)
     assert held.identified.position_max_m == CLOSES.position_max
     assert held.nominal.ratio == NOMINAL.ratio

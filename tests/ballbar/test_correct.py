@@ -19,7 +19,7 @@ from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from ballbar.ident.robot.accuracy import accuracy_grid
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.inverse_calibration import TargetError, corrected_targets
-from ballbar.result.calibration import load_calibration
+from ballbar.result.calibration import load
 from ballbar.sim.plant.effects import Plant, PlantEffects
 from ballbar.sim.plant.held import hold_machine, hold_poses, pose_distance
 from ballbar.sim.true_robot import TrueMachine, true_machine
@@ -57,7 +57,7 @@ def easy_targets(cell: Cell, count: int) -> Array:
 def test_the_identified_robot_takes_the_nominal_pose_at_the_corrected_target(
     result: Path, cell: Cell
 ) -> None:
-    calibration = load_calibration(result / "calibration.yaml")
+    calibration = load(result / "calibration.yaml")
     robot, q = calibration.identified_robot(cell=cell), easy_targets(cell, 200)
     done = corrected_targets(robot, calibration.nominal_chain, q)
     wanted = robot_frames(calibration.nominal, q)
@@ -182,7 +182,7 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
         ]
     )
     assert np.abs(by_degrees - by_radians).max() < 1e-12
-    calibration = load_calibration(result / "calibration.yaml")
+    calibration = load(result / "calibration.yaml")
     robot = calibration.identified_robot(cell=cell)
     expected = corrected_targets(robot, calibration.nominal_chain, q).q
     assert np.abs(by_radians - expected).max() < 1e-12

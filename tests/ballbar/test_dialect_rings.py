@@ -15,8 +15,9 @@ from pydantic import ValidationError
 from ballbar.acquisition.recording import read_recording
 from ballbar.cell.dialect import dialect_names, load_dialect
 from ballbar.cell.errors import InputError
-from ballbar.result.run_recordings import identify_recordings
-from ballbar.scenario import IdentifySettings, load_scenario
+from ballbar.ident.options import FitOptions
+from ballbar.result.identify import identify
+from ballbar.scenario import load_scenario
 from ballbar.truth.compare import identification_against_truth
 from tests.helpers.simulated_recordings import Recorded, record
 
@@ -116,7 +117,7 @@ def test_a_robot_is_identified_from_the_coarsest_dialect(tmp_path: Path) -> None
     done = record(
         tmp_path / "recording", plant={"kind": "kinematic"}, logs={"robot": {"dialect": coarsest}}
     )
-    data = identify_recordings([done.folder], settings=IdentifySettings(samples=300))
+    data = identify(done.folder, options=FitOptions(samples=300)).data
     assert data.acceptable, data.identification.verdict.sentence
     compared = identification_against_truth(data.identification, done.simulation.truth)
     assert compared.tcp.mean < 0.03e-3  # nominal 2.7 mm; steps of 17 urad

@@ -16,9 +16,9 @@ from ballbar.acquisition.recording import read_recording
 from ballbar.cell.load import load_instrument
 from ballbar.cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from ballbar.cell.statistics import rms
-from ballbar.recordings.followed import poses_of
-from ballbar.result.calibration import Calibration
-from ballbar.result.run_recordings import identify_files
+from ballbar.recordings.read import poses_of
+from ballbar.result.calibration import load
+from ballbar.result.identify import identify
 from ballbar.sim.recording_files import truth_path
 from ballbar.sim.truth import Truth, load_truth
 from ballbar.watch.show import line, panel
@@ -41,7 +41,7 @@ def mocap(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_clock_latency_and_target_are_those_of_the_simulation(mocap: Path) -> None:
-    file = Calibration.load(mocap).file
+    file = load(mocap).file
     truth = load_truth(truth_path(mocap / "recording"))
     assert isinstance(truth, Truth)
     assert truth.logs.tracker is not None
@@ -142,7 +142,7 @@ def test_a_growing_recording_of_an_instrument_that_follows_is_watched(tmp_path: 
         for file, text in texts.items():
             (growing / file).write_text(text)
         state = watch.finish(4.0)
-    poses = identify_files([made]).identification
+    poses = identify(made).data.identification
     assert state.estimate is not None
     assert state.estimate.tcp_sigma == pytest.approx(rms(poses.robot.tcp_sigma), rel=1e-9)
     assert state.estimate.tcp_sigma < half
@@ -168,7 +168,7 @@ def test_noise_of_rows_is_no_uncertainty_of_the_tool(tmp_path: Path) -> None:
     """Motion capture of 0.15 mm: the tool was stated ten times worse than it was known."""
     made = FollowedRobot(seed=2, noise_m=(1.5e-4, 0.0))
     made.write(tmp_path / "made", seconds=30.0, rate=50.0)
-    result = identify_files([tmp_path / "made"]).identification
+    result = identify(tmp_path / "made").data.identification
     assert result.poses is not None
     validation, robot = result.poses.cross_validation, result.poses.identified_robot()
     assert validation.white == pytest.approx(1.5e-4, rel=0.1)

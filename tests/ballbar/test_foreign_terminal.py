@@ -16,7 +16,7 @@ from ballbar.cell.files import write_yaml
 from ballbar.cell.foreign_text import printable
 from ballbar.cell.strict_yaml import load_yaml
 from ballbar.commands import cli
-from ballbar.result.run_recordings import distinct_names
+from ballbar.result.identify import names_of_places
 from ballbar.terminal import PlainConsole, wide_console
 from tests.helpers.command_line import ballbar
 from tests.helpers.device_logs import robot_lines, write
@@ -70,7 +70,7 @@ def test_a_description_with_control_characters_is_refused_with_its_line(tmp_path
 
 def test_the_name_of_a_recording_can_be_written_wherever_it_stands(tmp_path: Path) -> None:
     """Under a locale that is not UTF-8, ü is two characters that UTF-8 cannot hold."""
-    (name,) = distinct_names([tmp_path / f"Gr\udcc3\udcbcn{TITLE}"])
+    (name,) = names_of_places([tmp_path / f"Gr\udcc3\udcbcn{TITLE}"])
     assert name == f"Gr\\udcc3\\udcbcn{printable(TITLE)}"
 
 

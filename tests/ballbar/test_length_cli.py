@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ballbar.cell.clock import Clock
-from ballbar.result.calibration import load_calibration
+from ballbar.result.calibration import load
 from tests.helpers.command_line import ballbar
 from tests.helpers.length_recordings import LengthRun, wire_run, write_folder
 
@@ -30,7 +30,7 @@ def test_the_calibration_holds_instrument_clock_and_robot(
     identified: tuple[LengthRun, Path, str],
 ) -> None:
     run, out, _ = identified
-    file = load_calibration(out / "calibration.yaml").file
+    file = load(out / "calibration.yaml").file
     clock = file.logs[0].clock
     assert file.instrument == "drawwire_2m"
     assert clock is not None

@@ -12,7 +12,7 @@ import pytest
 
 from ballbar.ident.result import Identification
 from ballbar.ident.verdict import Status
-from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.identify import identify
 from ballbar.run import simulate_scenario
 from ballbar.scenario import SHIPPED, load_scenario
 from ballbar.sim.truth import Truth
@@ -40,7 +40,7 @@ class Ring:
     def identified(self, name: str, model: Literal["auto", "dh"] = "auto") -> Identification:
         """The identification from it."""
         settings = load_scenario(name).identify.model_copy(update={"model": model})
-        return identify_recordings([self.recorded(name)[0]], settings=settings).identification
+        return identify(self.recorded(name)[0], options=settings.options).data.identification
 
 
 @pytest.fixture(scope="module")

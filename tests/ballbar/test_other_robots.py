@@ -14,10 +14,10 @@ from ballbar.compensation.targets_file import correct_file
 from ballbar.export.result import Result, load_result
 from ballbar.export.rows import hayati_rows
 from ballbar.export.tables import dh_table, hayati_table
-from ballbar.identify_settings import IdentifySettings
+from ballbar.ident.options import FitOptions
 from ballbar.report.shapes import cell_bodies
+from ballbar.result.identify import identify
 from ballbar.result.names import CALIBRATION
-from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from tests.helpers.other_robots import (
     FIVE_AXES,
@@ -37,8 +37,8 @@ def result_of(folder: Path, rows: Rows) -> Result:
     recording = write_other_recording(folder / "recording", rows, minute.logs(true))
     out = folder / "result"
     out.mkdir()
-    settings = IdentifySettings(samples=600)
-    write_calibration(out / CALIBRATION, identify_recordings([recording], settings=settings))
+    options = FitOptions(samples=600)
+    write_calibration(out / CALIBRATION, identify(recording, options=options).data)
     result = load_result(out)
     for name, value in off.items():
         entry = result.calibration.file.parameters[name]
@@ -84,4 +84,4 @@ def test_a_recording_of_another_robot_is_refused_by_the_columns_of_its_log(tmp_p
     cell_of(folder, UR)
     assert load_robot(str(folder / "other.yaml")).joints == 6
     with pytest.raises(InputError, match="column q6 missing"):
-        identify_recordings([recording], settings=IdentifySettings())
+        identify(recording)

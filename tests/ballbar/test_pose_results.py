@@ -19,7 +19,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from ballbar import Calibration
+from ballbar import load
 from ballbar.cell.arrays import Array
 from ballbar.cell.chain import forward
 from ballbar.cell.errors import DescriptionError, InputError
@@ -37,6 +37,7 @@ from tests.helpers.dh_tables import along_table, table
 from tests.helpers.drawn_pose_tables import drawn_robot, point_table
 from tests.helpers.pose_results import write_pose_result, write_pose_table
 from tests.helpers.published_urdf import PUBLISHED, PublishedUrdf
+from tests.helpers.simulated_recordings import Recorded
 
 SHIPPED = Path(__file__).parents[2] / "cell" / "robots"
 ROBOTS = ("ur10", "panda", "irb2400", "irb1600")
@@ -357,17 +358,17 @@ def test_a_result_that_was_edited_wrongly_is_refused_by_name(
     edit(data)
     file.write_text(yaml.safe_dump(data, sort_keys=False))
     with pytest.raises(DescriptionError, match=re.escape(said)) as refusal:
-        Calibration.load(file)
+        load(file)
     assert str(refusal.value).startswith(str(file))
 
 
 def test_a_result_says_what_it_has_and_refuses_what_it_has_not(
     tmp_path: Path, result: Result
 ) -> None:
-    loaded = Calibration.load(result.file.parent)
+    loaded = load(result.file.parent)
     assert loaded.sigma.keys() == set(loaded.file.identified)
     assert loaded.ranges.shape == (loaded.robot.joints, 2)
-    assert Calibration.load(str(result.file)).targets.keys() == loaded.targets.keys()
+    assert load(str(result.file)).targets.keys() == loaded.targets.keys()
     code, _, _ = ballbar("compare", tmp_path / "none", result.file)
     assert code == 2
     for use in (lambda: loaded.geometry, loaded.cell, lambda: loaded.encoders):
@@ -379,18 +380,18 @@ def test_a_result_says_what_it_has_and_refuses_what_it_has_not(
 
 def test_joint_errors_that_were_kept_from_another_result_are_read_back(tmp_path: Path) -> None:
     """`identify --joint-errors RESULT` ended with a result that its reader refused."""
-    first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
+    first = load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
     data = yaml.safe_load(first.path.read_text())
     data["corrections"]["learned_harmonics"] = data["corrections"].pop("joint_harmonics")
     (tmp_path / "b.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
-    second = Calibration.load(tmp_path / "b.yaml")
+    second = load(tmp_path / "b.yaml")
     q = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 6))
     assert np.array_equal(second.identified_robot().tool(q), first.identified_robot().tool(q))
     assert second.joint_errors() == first.joint_errors()
 
 
 def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: Path) -> None:
-    first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
+    first = load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
     same = compare(first, first)
     assert same.tcp.maximum < EXACT
     assert not any(same.z.values())
@@ -402,12 +403,12 @@ def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: 
     assert code == 0
     assert "rtheta4 -1.0000 mrad (z -35.4)" in said, "1 mrad over sqrt(2) times 20 urad"
     assert "less than half of the fitted range is common: axes 3" in said
-    second = Calibration.load(tmp_path / "b.yaml")
+    second = load(tmp_path / "b.yaml")
     tcp = compare(first, second).tcp
     assert 2e-5 < tcp.mean < 1e-3
     code, said, _ = ballbar("compare", tmp_path / "a.yaml", tmp_path / "b.yaml", "--json")
     assert json.loads(said)["tcp_difference"]["mean_m"] == pytest.approx(tcp.mean)
-    other = Calibration.load(write_pose_result(tmp_path / "c.yaml", "ur5", seed=1))
+    other = load(write_pose_result(tmp_path / "c.yaml", "ur5", seed=1))
     with pytest.raises(InputError, match="Compare calibrations of the same robot"):
         compare(first, other)
 
@@ -502,18 +503,22 @@ def test_identify_writes_a_replay_where_it_is_requested(tmp_path: Path) -> None:
     assert copy.stat().st_size == first
 
 
-def test_an_option_that_is_not_of_what_is_fitted_is_refused(tmp_path: Path) -> None:
+def test_an_option_that_is_not_of_what_is_fitted_is_refused(
+    recorded: Recorded, tmp_path: Path
+) -> None:
     drawn = drawn_robot("ur10", rng := np.random.default_rng(7))
     q = drawn.angles(60, rng)
     poses = write_pose_table(tmp_path / "t", point_table(drawn, q, 3e-5, rng), "ur10", q, "ball")
     out = ("--out", tmp_path / "out")
     code, _, error = ballbar("identify", poses, "--model", "dh", "--samples", 300, *out)
     assert code == 2
-    assert f"{poses}: gives poses, and these settings are of a ball-bar's logs: sam" in error
-    for folders in ([tmp_path / "logs"], [poses, tmp_path / "logs"]):
+    assert f"{poses}: gives poses, and these settings are of a ball-bar's logs: model, sam" in error
+    for folders in ([recorded.folder], [poses, recorded.folder]):
         code, _, error = ballbar("identify", *folders, "--joint-errors", "none", *out)
         assert code == 2
-        assert "logs: is a recording, and joint errors are chosen for still poses alone" in error
+        assert (
+            "recording: is a recording, and joint errors are chosen for still poses alone" in error
+        )
     assert not (tmp_path / "out").exists()
 
 

@@ -347,7 +347,7 @@ def test_a_clock_that_is_not_determined_has_no_value(
 def test_input_files_stand_with_their_hashes_relative_to_the_recording(
     run: RunData, page: str
 ) -> None:
-    parsed, folder = _Page(page), run.recordings[0].folder
+    parsed, folder = _Page(page), run.folder
     for name in ("recording.yaml", "raw/robot.csv", "raw/ballbar.csv"):
         content = (folder / name).read_bytes()
         (row,) = [

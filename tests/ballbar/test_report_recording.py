@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ballbar.identify_settings import IdentifySettings
+from ballbar.ident.options import FitOptions
 from ballbar.report.motion import cell_motion, mark_sentences, marks, stretches
 from ballbar.report.recording_figures import SHIFTS, log_figures, shift_curve
+from ballbar.result.identify import identify
 from ballbar.result.run_data import FittedRecording
-from ballbar.result.run_recordings import identify_recordings
 from tests.helpers.simulated_recordings import Recorded
 
 
@@ -26,8 +26,8 @@ def test_runs_of_true_are_stretches_of_time() -> None:
 
 @pytest.fixture(scope="module")
 def fitted(recorded: Recorded) -> FittedRecording:
-    settings = IdentifySettings(samples=300, model="dh")
-    (recording,) = identify_recordings([Path(recorded.folder)], settings=settings).recordings
+    options = FitOptions(samples=300, model="dh")
+    (recording,) = identify(Path(recorded.folder), options=options).data.recordings
     return recording
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ballbar.result.calibration import load_calibration
+from ballbar.result.calibration import load
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import record
 
@@ -37,7 +37,7 @@ def test_a_result_says_how_far_both_trackers_are_and_that_the_held_out_one_was_m
     assert "\nTracker: its 686 points are 0.15" in said
     assert "(11 unknowns, 2047 degrees of freedom), and what these absorb is not seen." in said
     assert "moved: Tracker: its 685 points are 0.9" in said
-    result = load_calibration(out / "calibration.yaml").file
+    result = load(out / "calibration.yaml").file
     own, other = result.recordings[0].tracker, result.held_out[0].tracker
     assert own is not None
     assert other is not None

@@ -15,9 +15,8 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from ballbar import Calibration
 from ballbar.cell.errors import DescriptionError
-from ballbar.result.calibration import load_calibration
+from ballbar.result.calibration import load
 from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.machine_entries import CovarianceEntry
 from ballbar.result.verification import temperature_remarks
@@ -217,7 +216,7 @@ def test_a_result_that_was_edited_wrongly_is_refused_by_name(
     another order made 0.98 of what noise and uncertainty explain 0.11."""
     folder = changed(result, tmp_path / "edited", edit)
     with pytest.raises(DescriptionError, match=re.escape(said)) as refusal:
-        Calibration.load(folder).kinematics()
+        load(folder).kinematics()
     assert str(folder / "calibration.yaml") in str(refusal.value)
 
 
@@ -245,7 +244,7 @@ def test_a_joint_that_did_not_move_and_keys_in_another_order_are_no_fault(
         data["ranges"][5].update(lower_rad=0.1, upper_rad=0.1)
         data["parameters"] = dict(reversed(data["parameters"].items()))
 
-    before, after = (load_calibration(folder / "calibration.yaml") for folder in (
+    before, after = (load(folder / "calibration.yaml") for folder in (
         result, changed(result, tmp_path / "edited", edit)
     ))  # fmt: skip
     assert (after.geometry.values == before.geometry.values).all()
@@ -294,7 +293,7 @@ def test_a_result_that_is_itself_a_misfit_is_not_said_to_hold(
 
 
 def content(result: Path, *temperatures: float | None) -> CalibrationFile:
-    file = load_calibration(result / "calibration.yaml").file
+    file = load(result / "calibration.yaml").file
     (entry,) = file.logs
     entries = [entry.model_copy(update={"temperature_C": t}) for t in temperatures]
     return file.model_copy(update={"recordings": tuple(entries)})

@@ -24,7 +24,7 @@ from ballbar.ident.identify import kinematic_result
 from ballbar.ident.recording_fit import Logs
 from ballbar.ident.result import Identification
 from ballbar.ident.verdict import Status
-from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.identify import identify
 from ballbar.sim.live.device_logs import GrowingRecording
 from ballbar.watch.alarms import standing
 from ballbar.watch.beside import WatchBeside
@@ -94,7 +94,7 @@ def test_what_is_stated_at_the_end_is_the_identification_of_the_recording(
     watch = Watch(growing.folder)
     watch.update(60.0)
     estimate = watch.finish(61.0).estimate
-    result = identify_recordings([recorded.folder]).identification
+    result = identify(recorded.folder).data.identification
     assert estimate.tcp_sigma == pytest.approx(rms(result.robot.tcp_sigma), rel=1e-9)
     assert estimate.clock[0] == pytest.approx(result.recordings[0].clock.offset, abs=1e-12)
 

@@ -37,7 +37,7 @@ from ballbar.ident.result import Identification
 from ballbar.ident.robot.tool_covariance import ToolCovariance
 from ballbar.result import calibration
 from ballbar.result import write_calibration as writer
-from ballbar.result.calibration import Calibration, load_calibration
+from ballbar.result.calibration import Calibration, load
 from ballbar.result.machine_entries import CovarianceEntry, MassesEntry, covariance_entry
 from ballbar.result.names import CALIBRATION, REFUSED
 from ballbar.result.run_data import FittedRecording, RunData
@@ -74,16 +74,16 @@ def run_data(result: Identification, names: Sequence[str] = ("made",)) -> RunDat
     description = SimpleNamespace(
         robot="irb2400", measured_by="lund_600", plate="plate_250", temperature_C=None
     )
-    recording = cast(Recording, SimpleNamespace(description=description))
+    recording = cast(Recording, SimpleNamespace(description=description, folder=Path()))
     fits = zip(names, result.recordings, strict=True)
-    recordings = tuple(FittedRecording(name, Path(name), recording, each) for name, each in fits)
+    recordings = tuple(FittedRecording(name, recording, each) for name, each in fits)
     return RunData("made", recordings, result)
 
 
 def read_back(data: RunData) -> Calibration:
     with TemporaryDirectory() as folder:
         write_calibration(Path(folder) / "calibration.yaml", data)
-        return load_calibration(Path(folder) / "calibration.yaml")
+        return load(Path(folder) / "calibration.yaml")
 
 
 def check(result: Identification, read: Calibration) -> None:
@@ -148,7 +148,7 @@ def test_a_short_length_log_is_identified_and_its_result_written(tmp_path: Path)
     code, out, err = ballbar("identify", tmp_path / "short", "--model", "dh", "--samples", "200")
     assert code == 1, err
     assert out.startswith("Uncertain: the logs are too short")
-    covariance = load_calibration(tmp_path / "short-identified/calibration.yaml").file.covariance
+    covariance = load(tmp_path / "short-identified/calibration.yaml").file.covariance
     assert covariance is not None
     assert "ra4" in covariance.names
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from ballbar.acquisition.recording import read_recording
-from ballbar.ident.identify import identify
 from ballbar.ident.options import FitOptions
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.scenario import load_scenario
@@ -14,6 +13,7 @@ from ballbar.sim.recording_files import write_recording
 from ballbar.sim.simulate import simulate
 from ballbar.truth.compare import identification_against_truth
 from ballbar.truth.limits import Limit
+from tests.helpers.one_recording import identify
 from tests.helpers.simulated_recordings import SCENARIOS
 
 SCENARIO = SCENARIOS / "irb2400.yaml"
@@ -41,8 +41,6 @@ def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
         Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm", met=True),
         Limit("iterations", 11.0, 10.0, "", met=False),
     )
-    fitted_recording = FittedRecording(
-        "minute", folder / "recording", recording, found.recordings[0]
-    )
+    fitted_recording = FittedRecording("minute", recording, found.recordings[0])
     data = RunData("minute", (fitted_recording,), found, simulation, comparison, limits)
     return replace(data, scenario=scenario)

@@ -17,7 +17,7 @@ from ballbar.cell.statistics import rms
 from ballbar.ident import complete_fit
 from ballbar.ident.complete_fit import fit_pose
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.identify import identify, identify_together
+from ballbar.ident.identify import identify_together
 from ballbar.ident.options import FitOptions, Listener
 from ballbar.ident.result import Identification, RecordingEstimate
 from ballbar.ident.robot.accuracy import accuracy_grid
@@ -25,15 +25,16 @@ from ballbar.ident.robot.tcp_uncertainty import SCALE
 from ballbar.ident.start.automatic import StartError
 from ballbar.ident.verdict import Status
 from ballbar.identify_settings import IdentifySettings
-from ballbar.result.calibration import load_calibration
+from ballbar.result.calibration import load
+from ballbar.result.identify import identify as identify_measured
 from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import identify_recordings
 from ballbar.result.write_calibration import write_calibration
 from ballbar.run import run_scenario
 from ballbar.scenario import load_scenario
 from ballbar.sim.recording_files import truth_path
 from ballbar.truth.compare import identification_against_truth
 from tests.helpers.minute_logs import TRUE, minute_logs
+from tests.helpers.one_recording import identify
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 from tests.helpers.six_axes import NAMES
 from tests.helpers.synthetic_recording import CELL
@@ -44,7 +45,7 @@ def quiet(_: str) -> None:
 
 
 def run(recorded: Recorded, samples: int = 600) -> RunData:
-    return identify_recordings([recorded.folder], settings=IdentifySettings(samples=samples))
+    return identify_measured(recorded.folder, options=FitOptions(samples=samples)).data
 
 
 def identified(recorded: Recorded, samples: int = 600) -> Identification:
@@ -73,7 +74,7 @@ def test_two_models_state_one_uncertainty_of_the_tool(recorded: Recorded) -> Non
         IdentifySettings(model="dh", samples=600),
         IdentifySettings(model="complete", corrections=("rod_strain",), samples=600),
     ):
-        result = identify_recordings([recorded.folder], settings=settings).identification
+        result = identify_measured(recorded.folder, options=settings.options).data.identification
         assert result.model == settings.model
         stated.append(result.robot.tcp)
     kinematic, complete = stated
@@ -223,7 +224,7 @@ def test_identification_without_the_truth_file_gives_the_same_bytes(
 def test_the_calibration_file_reads_back_as_written(data: RunData, tmp_path: Path) -> None:
     path, result = tmp_path / "calibration.yaml", data.identification
     write_calibration(path, data)
-    read = load_calibration(path)
+    read = load(path)
     with pytest.warns(UserWarning, match="outside the fitted range"):
         stated = read.kinematics().uncertainty(accuracy_grid(result.robot.cell.robot))
     assert stated.sigma == pytest.approx(result.robot.tcp_sigma, rel=1e-9)

@@ -14,12 +14,12 @@ from ballbar.cell.geometry import Geometry, robot_frames, robot_geometry
 from ballbar.cell.logs import RobotLog
 from ballbar.ident.corrections.unit_weights import unit_weights
 from ballbar.ident.estimator.priors import fixed_names
-from ballbar.ident.identify import identify
 from ballbar.ident.options import FitOptions
 from ballbar.ident.result import Identification
 from ballbar.ident.robot.accuracy import accuracy_grid, position_error, tcp_error
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.verdict import Status
+from tests.helpers.one_recording import identify
 from tests.helpers.other_robots import (
     CLOCK,
     FIVE_AXES,

@@ -14,7 +14,7 @@ from ballbar.cell.descriptions import Cell
 from ballbar.ident.options import FitOptions
 from ballbar.ident.prediction import part_of, predict
 from ballbar.ident.recording_fit import Logs, RecordingFit, fit_recording
-from ballbar.result.run_recordings import logs_of
+from ballbar.result.identify import logs_of
 from ballbar.sim.live.device_logs import GrowingRecording, TextLog
 from tests.helpers.simulated_recordings import CLOCK, Recorded
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ballbar.acquisition.recording import read_recording
-from ballbar.ident.identify import identify
 from ballbar.ident.options import FitOptions
 from tests.helpers.clock_truth import clock_error
+from tests.helpers.one_recording import identify
 from tests.helpers.simulated_recordings import record
 
 RESET = 9_000_000  # counts, 3.8 rad

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ballbar import identify_recordings
+from ballbar import identify
 from ballbar.cell.geometry import bar_frames, nominal_geometry, robot_frames
 from ballbar.cell.load import load_cell
 from tests.helpers.independent_truth import true_geometry
@@ -112,7 +112,7 @@ def test_a_machine_with_every_ordinary_error_is_identified_as_well_as_stated(
     tmp_path: Path,
 ) -> None:
     truth = record(Plan(1, duration=SHORT), tmp_path)[0]
-    found = identify_recordings([tmp_path / "1", tmp_path / "2"]).identification
+    found = identify(tmp_path / "1", tmp_path / "2").data.identification
     q = accuracy_box(files())
     error = aligned_distance(found.robot.identified.tool(q), truth.tool(q))
     assert found.verdict.acceptable

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from ballbar.cell.recording import load_recording_file
-from ballbar.ident.identify import identify
 from ballbar.ident.options import FitOptions
 from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty
 from ballbar.ident.verdict import Status
@@ -16,8 +15,9 @@ from ballbar.planning.next_step import PATH, REPEAT, ROD_SIGMA, NextStep, next_s
 from ballbar.planning.plan import known_path
 from ballbar.planning.questions import ENCODERS
 from ballbar.report.machine import Steps, advised_steps, diagnosis_section, recorded_passage
+from ballbar.result.identify import identify
 from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import identify_recordings
+from tests.helpers.one_recording import identify as identify_logs
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 
 PATHS = {
@@ -30,7 +30,7 @@ def complete(recorded: Recorded, **options: object) -> RunData:
     settings = IdentifySettings.model_validate(
         {"model": "complete", "corrections": ["rod_strain"], "samples": 600} | options
     )
-    return identify_recordings([recorded.folder], settings=settings)
+    return identify(recorded.folder, options=settings.options).data
 
 
 def stated(data: RunData) -> TcpUncertainty:
@@ -91,7 +91,7 @@ def test_two_encoders_leave_angles_that_pass_half_a_turn(
         plant={"kind": "kinematic"},
         encoders={"fitted": [1, 2], "noise_sigma_rad": 1e-5},
     )
-    run = identify_recordings([two.folder], settings=IdentifySettings(samples=400))
+    run = identify(two.folder, options=FitOptions(samples=400)).data
     robot, excess = run.identification.robot, run.identification.fit.excess
     present = predicted(robot, excess, [recorded_passage(fitted) for fitted in run.recordings])
     assert present.sigma.mean() == pytest.approx(stated(run).sigma.mean(), rel=0.1)
@@ -109,7 +109,7 @@ def test_a_measured_rod_brings_what_was_predicted(
         model="complete", corrections=("rod_strain",), samples=600, rod_sigma=ROD_SIGMA
     )
     known = replace(cell, ballbar=replace(cell.ballbar, d=d))
-    result = identify(known, fitted.robot_log, fitted.ballbar_log, options=options)
+    result = identify_logs(known, fitted.robot_log, fitted.ballbar_log, options=options)
     measured = result.robot.tcp.sigma.mean()
     assert measured < 0.6 * stated(data).sigma.mean()  # or the test would say nothing
     assert steps["rod_sigma"].predicted.sigma.mean() == pytest.approx(measured, rel=0.1)

@@ -43,7 +43,7 @@ from ballbar.planning.trajectory import (
 )
 from ballbar.planning.verify import checks, run_in_plant, violations_in
 from ballbar.planning.what_if import answers
-from ballbar.result.run_recordings import identify_recordings
+from ballbar.result.identify import identify
 from ballbar.run import simulate_scenario
 from ballbar.scenario import load_scenario
 from ballbar.sim.path import Lissajous
@@ -405,7 +405,7 @@ def test_the_command_writes_what_a_telescoping_bar_needs_and_a_scenario_that_run
     )
     first = joints_to_axes(simulation.cell.robot, simulation.path.q[0])
     assert np.degrees(first) == pytest.approx(axes[0], abs=0.1)  # of the file's rounding
-    found = identify_recordings([recording], settings=scenario.identify).identification
+    found = identify(recording, options=scenario.identify.options).data.identification
     assert found.verdict.status is Status.GOOD, found.verdict.sentence
     comparison = identification_against_truth(found, simulation.truth)
     assert comparison.offset is not None

@@ -152,12 +152,12 @@ def test_every_page_or_table_that_is_named_is_there() -> None:
     ("text", "fault"),
     [
         ("(notes/thermal sec. 1)", "no docs/notes/thermal.md"),
-        ("(notes/notes/mujoco sec. 1)", "no docs/notes/notes/mujoco.md"),
-        ("# notes/mujoco secs. 1, 2 and 99.", "no section 99"),
+        ("(notes/notes/plant sec. 1)", "no docs/notes/notes/plant.md"),
+        ("# notes/plant secs. 1, 2 and 99.", "no section 99"),
         ("(notes/log_formats\n    # sec. H.9: missing samples)", "no section H.9"),
         ("(notes/identification sec. 6, trap 12)", "does not have 'trap 12'"),
-        ("notes/parameters, encoder and thermometer; shapes", "does not have 'thermometer'"),
-        ('(notes/start, "Signs and wonders")', "does not have 'Signs and wonders'"),
+        ("notes/plant, encoder_error_model and thermometer", "does not have 'thermometer'"),
+        ('(notes/identification, "Signs and wonders")', "does not have 'Signs and wonders'"),
     ],
 )
 def test_a_citation_of_a_note_that_is_not_there_is_found(text: str, fault: str) -> None:
@@ -169,11 +169,11 @@ def test_a_citation_of_a_note_that_is_not_there_is_found(text: str, fault: str) 
     "text",
     [
         "(notes/identification sec. 6, trap 8)",
-        "notes/mujoco secs. 1, 2, 4, 8, 11.",
-        "(notes/mujoco sec. 7.1)",
+        "notes/plant secs. 1, 2, 4, 8, 11.",
+        "(notes/plant sec. 7.1)",
         "(notes/log_formats sec. H.5: missing samples)",
-        "notes/parameters, encoder_error_model and motor_position_sensor; shapes",
-        "(notes/parameters, 12 urad)",
+        "notes/plant, encoder_error_model and motor_position_sensor; shapes",
+        "(notes/plant, 12 urad)",
         "Structure: notes/identification.",
     ],
 )

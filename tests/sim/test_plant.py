@@ -48,7 +48,7 @@ def test_rod_forces_of_the_soft_servo_are_of_the_order_measured_in_the_thesis(
     recorded: Recorded,
 ) -> None:
     force = recorded.simulation.motion.rod_force
-    assert 50.0 < np.abs(force).max() < 200.0  # 150 N (notes/parameters, experiment)
+    assert 50.0 < np.abs(force).max() < 200.0  # 150 N (notes/plant, experiment)
 
 
 def test_the_run_starts_at_rest(recorded: Recorded) -> None:

@@ -440,7 +440,7 @@ def test_the_joints_play_lies_between_push_and_pull(gimbal: float | None, tmp_pa
 
 
 def test_near_a_singularity_of_the_ballbar_the_force_oscillates_but_is_no_larger() -> None:
-    """Thesis sec. 5.3, Fig. 5.7, which says that it is larger too (docs/experiments.md)."""
+    """Thesis sec. 5.3, Fig. 5.7, which says that it is larger too (docs/thesis_figures.md)."""
     bands = [(0.0, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, 90.0)]
     force, oscillation = np.transpose(
         force_near_singularity(singular_passage(friction=True), bands)

@@ -14,18 +14,14 @@ CLOCKS = (
     Source(
         "clocks.offset_s",
         "`t_robot = offset + (1 + skew) t_bar`, both from the first row of their log.",
-        "Instants of the rows: the ball-bar's log begins later.",
-        "None: both logs begin together.",
-        "All ball-bar angles are shifted in time. Plotted: 0.137 s.",
+        "both logs begin together.",
         clock_plot({"offset_s": 0.137}, "ms", 1e3),
         what="One log begins later than the other.",
     ),
     Source(
         "clocks.skew",
         "As above: the ball-bar's clock runs slow by 1 + skew.",
-        "Instants of the rows.",
-        "None; quartz clocks differ by 20 to 100 ppm.",
-        "The shift grows along the run. Plotted: 5.0e-5.",
+        "none; quartz clocks differ by 20 to 100 ppm.",
         clock_plot({"skew": 5e-5}, "ms", 1e3),
         what="The two clocks run at different rates.",
     ),
@@ -33,9 +29,7 @@ CLOCKS = (
         "clocks.wander",
         "`rate = r w(t) + c exp(-t / T)`, w a random walk of unit RMS; its integral less the best "
         "straight line is added to t_robot.",
-        "Instants of the rows.",
-        "Usual for quartz oscillators without an oven.",
-        "Microseconds that no straight line takes out.",
+        "quartz without an oven.",
         Plot(
             signals.bar_row_time,
             signals.clock_difference(1e6),
@@ -52,9 +46,7 @@ CLOCKS = (
     Source(
         "clocks.robot_wander",
         "As clocks.wander, of a stream of its own.",
-        "Instants of the robot's rows.",
-        "Usual for quartz oscillators without an oven.",
-        "Microseconds that no straight line takes out.",
+        "quartz without an oven.",
         rows_plot(
             signals.robot_row_time,
             signals.stamp_error(1e6),
@@ -65,18 +57,13 @@ CLOCKS = (
     Source(
         "clocks.step",
         "`stamp + step_s` from at_s.",
-        "Ball-bar stamps; the rows are taken as ever.",
-        "NTP's step threshold, 128 ms.",
-        "A gap in the stamps, or stamps that go back.",
+        "NTP's step threshold.",
         clock_plot({"step": {"at_s": 20.0}}, "ms", 1e3),
     ),
     Source(
         "clocks.quantum",
         "`rint(stamp / quantum) quantum`, from the first row.",
-        "Stamps of both logs.",
-        "EGM headers and SYSTEMTIME count whole ms.",
-        f"The robot's {PERIOD_MS:.3f} ms period becomes 4, 4, .., 5 ms; the ball-bar's stamps, "
-        f"multiples of {TASK_MS:g} ms, do not change.",
+        "EGM and SYSTEMTIME count whole ms.",
         rows_plot(
             signals.robot_row_time,
             signals.stamp_error(1e3),
@@ -88,9 +75,7 @@ CLOCKS = (
     Source(
         "clocks.jitter",
         "`stamp + sigma_s z`.",
-        "Stamps of the robot's log.",
-        "Assumed.",
-        "White noise of the stamps: at 50 deg/s 0.2 ms is 175 urad.",
+        "assumed.",
         rows_plot(
             signals.robot_row_time,
             signals.stamp_error(1e3),
@@ -106,9 +91,7 @@ LOGGERS = (
     Source(
         "clocks.overrun_probability",
         f"A row takes {SAMPLE_TASKS} tasks of {TASK_MS:g} ms, or one more.",
-        "Instants and stamps of the ball-bar's rows.",
-        "None; thesis sec. 4.6 reports overruns, the scenarios assume 0.005.",
-        "Intervals of 15 ms among those of 10 ms; the stamps are right. Plotted: 0.005.",
+        "none; overruns: thesis sec. 4.6.",
         rows_plot(
             signals.bar_file_time,
             signals.bar_file_interval_ms,
@@ -121,9 +104,7 @@ LOGGERS = (
     Source(
         "clocks.dropped_rows",
         "Each row but the first is lost with the stated probability.",
-        "Files of both logs.",
-        "Assumed.",
-        "Intervals of twice the period.",
+        "assumed.",
         rows_plot(
             signals.robot_file_time,
             signals.robot_file_interval_ms,
@@ -135,9 +116,7 @@ LOGGERS = (
     Source(
         "clocks.duplicated_rows",
         "Each row but the first is written twice with the stated probability.",
-        "Files of both logs.",
-        "Assumed.",
-        "Intervals of zero, all columns equal.",
+        "assumed.",
         rows_plot(
             signals.robot_file_time,
             signals.robot_file_interval_ms,
@@ -149,9 +128,7 @@ LOGGERS = (
     Source(
         "clocks.restart",
         "No rows from at_s to at_s + gap_s.",
-        "Files of the ball-bar's log: two of them.",
-        "Assumed.",
-        "One long interval between ballbarOld.csv and ballbar.csv.",
+        "assumed.",
         rows_plot(
             signals.bar_file_time,
             signals.bar_file_interval_ms,
@@ -167,9 +144,7 @@ FORMS = (
         "logs.robot",
         "Columns, units, separators and container of the dialect's file; angles of motors, axes or "
         "joints by the robot's file.",
-        "Robot's log.",
-        "The robot's file names its controller's dialect; the dialect's file the period.",
-        f"abb-motor: rows of {PERIOD_MS:g} ms, stamped to a microsecond; comau-joint: 4 ms.",
+        "the robot's file.",
         Plot(
             signals.robot_file_time,
             signals.robot_file_interval_ms,
@@ -188,9 +163,7 @@ FORMS = (
     Source(
         "logs.ballbar",
         "Columns and separators of the dialect's file; a row takes two tasks.",
-        "Ball-bar's log.",
-        "Thesis sec. 4.6: a task of 5 ms; notes/log_formats secs. A.6, A.7.",
-        "Rows of 10 ms; with a task of 2 ms, of 4 ms.",
+        "thesis sec. 4.6: a task of 5 ms.",
         Plot(
             signals.bar_file_time,
             signals.bar_file_interval_ms,
@@ -212,9 +185,7 @@ LOADS = (
     Source(
         "logs.torque",
         "`(tau (1 + gain z_i) + noise z) / ratio`: columns tau1..tau6, N m at the motor.",
-        "Robot's log.",
-        "Assumed.",
-        "Here axis 1: gravity does not load it, friction is off, so it shows servo and rod.",
+        "assumed.",
         Plot(
             signals.time,
             signals.logged_and_true_torque,
@@ -229,9 +200,7 @@ LOADS = (
         "logs.force_sensor",
         "`load (1 + gain z_c) + bias z_c + noise z`: force and torque of plate and ball-bar on the "
         "flange, in its frame, about its origin.",
-        "A third log, with its own rate, and a clock that begins offset_s after the robot's.",
-        "Assumed, for a sensor like the JR3 of thesis sec. 5.3.",
-        "The plate's weight turns with the wrist; the rod's force comes on top.",
+        "assumed, like the JR3 of thesis sec. 5.3.",
         Plot(
             signals.sensor_time,
             signals.sensor_force_and_truth,
@@ -247,9 +216,7 @@ LOADS = (
         "logs.tracker",
         "`R (x + F l - o) + noise z`: LED at l of the true tool, deflection included; frame R, o "
         "drawn, 3 m from the robot's base.",
-        "A log of its own, with its own rate, and a clock that begins offset_s after the robot's.",
-        "Thesis sec. 5.3: Nikon K600; the rest assumed.",
-        "Noise of single rows; nominal robots are off by several times as much.",
+        "Nikon K600 of thesis sec. 5.3; the rest assumed.",
         Plot(
             signals.tracker_time,
             signals.tracker_error_um,

@@ -23,12 +23,7 @@ GEARS = (
         "errors.joint_compliance",
         "`L = K e`; the log shows `m`, the joint stands at `q = m + e`. Gear i is combination i of "
         "the joints (`joint_to_gear`).",
-        "Plant: a second hinge `e` behind each motor hinge `m`, spring and damper on the gear's "
-        "combination of the hinges.",
-        "Robot file: Manutec r3 (same class) and RV catalogue rigidity; no identified stiffness of "
-        "an IRB 2400 was found.",
-        "The loop does not close by a smooth millimetre that follows gravity; the part the rod's "
-        "force makes comes on top.",
+        "robot file, of a Manutec r3 and RV catalogues; none identified of an IRB 2400 was found.",
         residual_plot(error("joint_compliance")),
         of_machine=("N m/rad", lambda cell: cell.robot.gears.stiffness),
     ),
@@ -37,12 +32,7 @@ GEARS = (
         "Total width w. Dead band: `L = K (e - clip(e, -w/2, w/2))`. Hysteresis: beside `K e` a "
         "friction element, "
         f"{HYSTERESIS_STIFFNESS:g} times as stiff, that slips at `K w/2`.",
-        "Plant: spring of the gear. Not without `joint_compliance`.",
-        "Robot file: below the catalogues' bound of 1 arcmin (Nabtesco RV-E, recalled; Harmonic "
-        "Drive doc. 1018854).",
-        "Dead band: a step of w where the load changes sign. Hysteresis: up to w/2 to one side "
-        "while the load rises, "
-        "to the other while it falls.",
+        "robot file, below the catalogues' 1 arcmin.",
         Plot(
             signals.torque(2),
             signals.behind_gear_urad(2),
@@ -62,11 +52,7 @@ GEARS = (
         "errors.transmission_error",
         "`delta(g) = sum A_k sin(n_k g + phi_k)`, g the gear's output; the motor shows `g - "
         "delta(g)`. Phases drawn.",
-        "Encoder and servo: the log shows `g - delta(g)`, and the servo, which sees the same, "
-        "turns the gear unevenly.",
-        "Robot file: below 1 arcmin peak to peak, what RV reducers are allowed; the split over the "
-        "orders is assumed.",
-        "Residual with the gear's orders over its angle; independent of load.",
+        "robot file, below 1 arcmin peak to peak; the split over the orders is assumed.",
         gear_plot({"": error("transmission_error")}, window=(3.0, 9.0), points=450),
         of_machine=(
             "rad, axis 1; orders are in the file",
@@ -78,10 +64,7 @@ GEARS = (
         "Harmonic: `A sin(N g + phi)`. Cusped: `A pi/2 (abs(sin(x/2)) - 2/pi)`, `x = N g + phi`: "
         "zero mean, unit peak at the cusp, "
         f"by its first {CUSP_TERMS} harmonics `-2 A cos(k x) / (4 k^2 - 1)`.",
-        "As transmission_error; harmonics of one order add up.",
-        "Assumed: amplitude and pin count. Waveform: Yang & Blanche 1990, Mech. Mach. Theory "
-        "25(5); thesis Fig. 2.4.",
-        "N cycles a turn; harmonics 2 N, 3 N tell the cusped wave from the sine.",
+        "assumed; waveform: Yang & Blanche 1990.",
         gear_plot(
             {
                 "cusped": error("cycloid_ripple"),
@@ -93,12 +76,7 @@ GEARS = (
     Source(
         "errors.sinusoidal_gear_error",
         "`A sin(n g + phi)`; n = 1 on the output side, n = gear ratio on the input side.",
-        "As transmission_error.",
-        "Assumed: of the order of the robot files' first harmonic; thesis sec. 2.3 gives the "
-        "shape.",
-        "Output side: a slow wave that a path of less than a turn can mistake for joint offset and "
-        "geometry. "
-        "Input side: one cycle a motor turn.",
+        "assumed; shape: thesis sec. 2.3.",
         gear_plot(
             {
                 "output": error("sinusoidal_gear_error"),
@@ -111,9 +89,7 @@ GEARS = (
         "errors.unlisted_ripple",
         "`A sin(n g + phi)`, n drawn for each gear from the whole numbers "
         f"{UNLISTED_ORDERS[0]} to {UNLISTED_ORDERS[-1]} that its list does not hold.",
-        "As transmission_error.",
-        "Assumed: an identified list of orders leaves out what is small.",
-        "A wave of an order that no model of the gears has; a fit must look for it.",
+        "assumed.",
         gear_plot({"": error("unlisted_ripple")}, window=(3.0, 9.0)),
     ),
     Source(
@@ -122,12 +98,7 @@ GEARS = (
         "`stribeck`. Before it slips, a bristle of "
         f"at least {BRISTLE_TRAVEL * 1e6:g} urad of travel (LuGre), longer where it would chatter "
         "with the rotor.",
-        "Plant: between servo and motor hinge.",
-        "Robot file: friction table of Obal & Gierlak 2025 (IRB 2400); the NJ 220's is scaled from "
-        "it.",
-        "Torque log: a step at each reversal of the axis. Angles: a soft servo stops short by `Fc "
-        "/ kp`; the log sees it, "
-        "so the loop closes all the same.",
+        "robot file: Obal & Gierlak 2025 (IRB 2400), scaled for the NJ 220.",
         Plot(
             signals.gear_speed(1),
             signals.torque(1),
@@ -142,10 +113,7 @@ GEARS = (
         "errors.masses",
         "`m = nominal exp(spread z)`, inertia with m; `com = nominal + centre_sigma_m z` in x, y "
         "and z. The servo's feed-forward and the identifier know the nominal ones.",
-        "Plant: bodies of robot, plate and ball-bar.",
-        "Assumed: what a weighed or modelled part leaves open.",
-        "The arm leans on the soft servo and the rod; elastic gears yield otherwise than the "
-        "files' masses say.",
+        "assumed.",
         Plot(
             signals.time,
             signals.torque(2),
@@ -157,9 +125,7 @@ GEARS = (
         "errors.payload",
         "`m = abs(sigma_kg z)` more on the plate, its centre `centre_sigma_m z` from the plate's "
         "in x, y and z. Feed-forward and identifier know nothing of it.",
-        "Plant: body of the plate.",
-        "Assumed: a tenth of the plate's 4.3 kg; hoses and cables.",
-        "A tool that is heavier than its file; the torques show it, the geometry does not.",
+        "assumed: hoses and cables.",
         Plot(
             signals.time,
             signals.torque(2),
@@ -171,11 +137,7 @@ GEARS = (
         "plant.servo",
         "`tau = kp (u - shown) - kv m'`, no integral action; `u = g + kv/kp g'` of the reference "
         "(+ weight / kp).",
-        "Plant: actuators on the motor hinges.",
-        "Robot file, assumed: the soft one (SoftServo 80 %) keeps the rod's force below the "
-        "thesis's 150 N (notes/parameters, experiment).",
-        "With a wrong geometry the stiff servo presses some twenty times as hard on the ball-bar; "
-        "the compliance shows in the residual.",
+        "robot file, assumed: soft keeps the rod's force below the thesis's 150 N.",
         Plot(
             signals.time,
             signals.rod_force,
@@ -191,10 +153,7 @@ GEARS = (
         "plant.gravity_compensation",
         "Adds `tau_g / kp` to the command, the weight of the nominal robot with its plate at the "
         "reference.",
-        "Servo command.",
-        "On: a controller knows its arm's weight.",
-        "Off: the arm sags on the soft servo until the ball-bar holds part of it. The log sees the "
-        "sag.",
+        "a controller knows its arm's weight.",
         Plot(
             signals.time,
             lambda view: 1e3 * view.q[:, 1:3],
@@ -210,10 +169,7 @@ BAR = (
         "errors.rod_strain",
         "`F = k s`, s the rod's elongation, `1 / k` the sum over rod, gimbal and universal joint; "
         "without it a rod of 1e10 N/m, 0.01 um at 100 N.",
-        "Plant: spring of the rod's slide.",
-        "Ball-bar file: thesis sec. 5.3 and Fig. 5.8, at 150 N 2.7 um of the rod and 2.8 um of "
-        "each joint, 8.3 um together.",
-        "The rod's length follows its force.",
+        "ball-bar file: thesis sec. 5.3, Fig. 5.8.",
         Plot(
             signals.rod_force,
             signals.rod_stretch_um,
@@ -227,9 +183,7 @@ BAR = (
         "errors.rod_backlash",
         "`F = k (s - clip(s, -w/2, w/2))`, s the rod's elongation, k its stiffness, w the sum over "
         "gimbal and universal joint.",
-        "Plant: spring of the rod's slide.",
-        "Ball-bar file: half of what thesis sec. 5.3 bounds it by, 5 um a joint; Fig. 5.9.",
-        "The rod's length jumps by w where its force changes sign.",
+        "ball-bar file: half of the bound of thesis sec. 5.3.",
         Plot(
             signals.rod_force,
             signals.rod_stretch_um,
@@ -246,10 +200,7 @@ BAR = (
         "errors.bar_friction",
         "LuGre with `Fc = Fs`, the stated torque, at each of the five joints; before it slips, an "
         "elastic bristle.",
-        "Plant: ball-bar hinges.",
-        "Ball-bar file, assumed.",
-        "Nothing in the residual: steps of some urad where a ball-bar joint reverses, in both logs "
-        "equally.",
+        "ball-bar file, assumed.",
         Plot(
             signals.time,
             signals.robot_angle(1, 1e6),
@@ -262,10 +213,7 @@ BAR = (
         "errors.plate_bending",
         "Cantilever: deflection `F / k`, tilt `3 F / (2 k L)` by a hinge of `k (2 L / 3)^2`, L / 3 "
         "from the sixth axis.",
-        "Plant: hinge about the plate's y.",
-        "Plate file: thesis secs. 4.5 and 5.4, about 10 um per 100 N; plate_250_thin is the 60 um "
-        "one of the Comau experiment.",
-        "Residual across the plate that follows the rod's force.",
+        "plate file: thesis secs. 4.5 and 5.4.",
         Plot(
             signals.time,
             lambda view: 1e6 * np.linalg.norm(view.residual, axis=1),
@@ -280,9 +228,7 @@ BAR = (
     Source(
         "errors.base_compliance",
         "`x = F / k`, equally in x, y and z.",
-        "Plant: three slides under the ball-bar's base.",
-        "Assumed: a steel adapter on a bolted plate. Thesis Fig. 5.8 measured base movement.",
-        "Residual along the rod's force, as if the rod were softer.",
+        "assumed: a steel adapter on a bolted plate.",
         residual_plot(error("base_compliance"), um=True),
     ),
 )

@@ -22,9 +22,7 @@ ROBOT_SENSORS = (
     Source(
         "errors.joint_noise",
         "`q + sigma z` at each row.",
-        "Robot's log, before the motor angles are formed.",
-        "No default; scenarios/irb2400.yaml takes the 10 urad of thesis sec. 3.5.",
-        "White at the log's rate.",
+        "none; thesis sec. 3.5 has 10 urad.",
         Plot(
             signals.time,
             signals.robot_angle(1, 1e6),
@@ -40,10 +38,7 @@ ROBOT_SENSORS = (
         "errors.joint_lag",
         "`y' = (m - y) / T_i`, `T_i = time_constant_s exp(spread z)`, m the motor's angle at its "
         "gear's output.",
-        "Robot's log. The servo is not misled.",
-        "EGM manual, 10 to 20 ms (notes/log_formats sec. D); the spread is assumed.",
-        "Speed times time constant. What is common to all axes is part of the clock offset; what "
-        "differs looks like a joint that trails its motion.",
+        "EGM manual, 10 to 20 ms; spread assumed.",
         Plot(
             signals.time,
             signals.robot_angle(1, 1e3),
@@ -56,10 +51,7 @@ ROBOT_SENSORS = (
         "errors.resolver_error",
         "`m + sum A_k sin(k m + phi_k)`, k = 1, 2, m the motor's angle; then rounded to the "
         "quantum.",
-        "Robot's log. The servo is not misled.",
-        "Resolvers of the +-10 arcmin class and converters of 16 bits (recalled).",
-        "One and two cycles a motor turn, divided by the gear ratio; looks like gear error of the "
-        "input side.",
+        "resolvers of the +-10 arcmin class, converters of 16 bits.",
         Plot(
             signals.robot_angle(1, 180.0 / np.pi),
             signals.robot_angle(1, 1e6),
@@ -74,11 +66,7 @@ ROBOT_SENSORS = (
 OUTLIERS = Source(
     "errors.outliers",
     "`angle + s`, s of log-uniform size and drawn sign, on one angle of a row.",
-    "Both logs: joint angles before the motor angles are formed, ball-bar angles before they are "
-    "counted.",
-    "Assumed: bits flipped, frames torn, encoders disturbed. A share of 5 % is far more than any "
-    "healthy device has.",
-    "Single values off the motion; they do not repeat.",
+    "assumed.",
     Plot(
         signals.time,
         signals.robot_angle(1, 1e3),
@@ -96,36 +84,25 @@ ENCODERS = (
     Source(
         "errors.mounting_eccentricity",
         "`b + A sin(b + phi)`, A = offset / radius of the restraint; phase drawn.",
-        "Ball-bar encoder, first in its chain.",
-        "Assumed: a mount that was not adjusted.",
-        "One cycle a turn of the joint; larger than the encoder's own errors.",
+        "assumed.",
         sensor_plot(5, error("mounting_eccentricity")),
     ),
     Source(
         "errors.encoder_eccentricity",
         "`s + sum A_k sin(k s + phi_k)`, k = 1..3, s the shaft's angle; phases drawn.",
-        "Ball-bar encoder, after mounting and coupling.",
-        "Sized to stay near the ERN 1080's 18 arcsec; shape: Renishaw, The accuracy of rotary "
-        "encoders.",
-        "Slow wave over the joint's angle, the same in both directions.",
+        "near the ERN 1080's 18 arcsec.",
         sensor_plot(5, error("encoder_eccentricity")),
     ),
     Source(
         "errors.subdivisional_error",
         "`s + A sin(lines s + phi)`, after eccentricity.",
-        "Ball-bar encoder, last before noise and rounding.",
-        "Assumed: 0.7 % of a signal period.",
-        "Cycles of 0.1 deg. Plotted in rows of 10 ms as a motion begins: from 5 deg/s on they "
-        "alias it into noise of the same size.",
+        "assumed: 0.7 % of a period.",
         sensor_plot(5, error("subdivisional_error"), x="time", window=(2.0, 3.0), points=101),
     ),
     Source(
         "errors.signal_noise",
         "`s + share z / lines` at each row: the arctangent of two noisy signals.",
-        "Ball-bar encoder, before its white noise and rounding.",
-        "Thesis sec. 4.6: 13 bits fluctuated in a dwell and 12 were taken; notes/log_formats sec. "
-        "B gives the arctangent.",
-        "At rest the lowest of 13 bits changes, of 12 seldom. Plotted: a dwell.",
+        "thesis sec. 4.6.",
         Plot(
             signals.time,
             signals.bar_angle(1, 1e6),
@@ -149,10 +126,7 @@ ENCODERS = (
         "Onset by bits: "
         + ", ".join(f"{bits}: {hz:g} Hz" for bits, hz in FREEZING_ONSET_HZ.items())
         + ".",
-        "Ball-bar counter.",
-        "EL5021 documentation; +-15 % by the maker.",
-        "A count at speed, three at twice the speed; no status says so. Plotted: a fast run of 26 "
-        "s.",
+        "EL5021 documentation.",
         Plot(
             signals.signal_frequency(5),
             signals.counts(5),
@@ -168,9 +142,7 @@ ENCODERS = (
     Source(
         "errors.amplitude_errors",
         "Status bits 4 and 14 from start_s to end_s.",
-        "Ball-bar status words; the counts stay right.",
-        "No default: a stated fault.",
-        "Status word only.",
+        "none.",
         Plot(
             signals.time,
             signals.weak_signal(2),
@@ -192,26 +164,19 @@ ENCODERS = (
     Source(
         "errors.slipped_periods",
         "`counts + periods 2^bits` from at_s.",
-        "Ball-bar counter.",
-        "No default: a stated fault. One period of 3600 lines is 1.745 mrad.",
-        "A step of whole periods between two rows; the zero is another one afterwards.",
+        "none. One period of 3600 lines is 1.745 mrad.",
         sensor_plot(2, {"errors": {"slipped_periods": [{"encoder": 2, "at_s": 20.0}]}}, x="time"),
     ),
     Source(
         "errors.coupling_slips",
         "`shaft + angle_rad` from at_s.",
-        "Ball-bar encoder, between mounting and graduation.",
-        "Assumed.",
-        "A step that is no whole number of periods.",
+        "assumed.",
         sensor_plot(2, {"errors": {"coupling_slips": [{"encoder": 2, "at_s": 20.0}]}}, x="time"),
     ),
     Source(
         "encoders.bits",
         "`rint(angle lines 2^bits / 2 pi)`.",
-        "Ball-bar counter.",
-        "Thesis sec. 4.6.",
-        "Steps of 6.8 urad at 8 bits, 0.4 urad at 12, 0.2 urad at 13; in motion they look like "
-        "noise.",
+        "thesis sec. 4.6.",
         Plot(
             signals.time,
             signals.bar_error_urad(5),
@@ -229,10 +194,7 @@ ENCODERS = (
     Source(
         "encoders.noise_sigma_rad",
         "`scale + sigma z` at each row, before rounding.",
-        "Ball-bar encoder.",
-        "None. The ball-bar files assume 2 urad for the identifier; scenarios/irb2400.yaml takes "
-        "10 urad (thesis sec. 3.5).",
-        "White at the log's rate.",
+        "none; the ball-bar files assume 2 urad.",
         sensor_plot(
             5,
             {"encoders": {"noise_sigma_rad": 1e-5}},
@@ -250,9 +212,7 @@ PAIRS = (
     Source(
         "errors.synchronisation",
         "The sample of time t pairs `b(t)` with `q(t + delay_s)`.",
-        "Paired samples only (`identify.data: samples`); device logs have clocks.offset_s.",
-        "No default: the size is what a study varies. Thesis secs. 2.3, 3.5, Fig. 3.4.",
-        "Residual of the tool's speed times the delay. Plotted: 1 ms.",
+        "none: what a study varies (thesis sec. 3.5).",
         residual_plot(merged(KINEMATIC, error("synchronisation", delay_s=1e-3)), off=KINEMATIC),
     ),
     Source(
@@ -260,11 +220,7 @@ PAIRS = (
         "`bd3 + A (s - mean(s))`, s = +1 where the rod is pulled, -1 where it is pushed: while its "
         "end rises or sinks, or moves one way or the other around the base, kept where it stands "
         "still; or over drawn stretches of 2 s.",
-        "Paired samples only: the robot follows the longer or shorter rod. Device logs have "
-        "rod_backlash and rod_strain (MuJoCo).",
-        'No default. Thesis secs. 2.3, 3.5, Fig. 3.5 ("ball-bar backlash"); '
-        "where the sign changes is chosen here.",
-        "The rod's length jumps by 2 A where the sign changes. Plotted: 10 um, rising.",
+        "none (thesis sec. 3.5); where the sign changes is chosen here.",
         residual_plot(
             merged(KINEMATIC, error("rod_deviation", amplitude_m=1e-5)), off=KINEMATIC, um=True
         ),
@@ -272,9 +228,7 @@ PAIRS = (
     Source(
         "errors.truncation",
         "`rint(b / step_rad) step_rad`.",
-        "Paired samples only; device logs have encoders.bits.",
-        "No default. Thesis secs. 2.3, 3.5, Fig. 3.6.",
-        "Steps; in motion they look like noise of step / sqrt(12). Plotted: 100 urad.",
+        "none (thesis sec. 3.5).",
         sensor_plot(5, error("truncation", step_rad=1e-4), x="time", window=(2.0, 3.0), points=101),
     ),
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ballbar import identify_recordings
+from ballbar import identify
 from ballbar.ident.causes.effects import stop
 from tests.independent.machine import Effects
 from tests.independent.recording import Plan, record
@@ -33,6 +33,6 @@ def test_a_stop_operator_follows_what_drags_it_and_forgets_all_else() -> None:
 @pytest.mark.parametrize("cause", EFFECTS)
 def test_an_effect_is_named_and_its_result_is_not_acceptable(cause: str, tmp_path: Path) -> None:
     record(Plan(1, EFFECTS[cause], duration=SHORT), tmp_path)
-    verdict = identify_recordings([tmp_path / "1", tmp_path / "2"]).identification.verdict
+    verdict = identify(tmp_path / "1", tmp_path / "2").data.identification.verdict
     assert re.search(cause, verdict.sentence)
     assert not verdict.acceptable

@@ -18,12 +18,13 @@ from ballbar.cell.logs import BallBarLog, RobotLog
 from ballbar.cell.robot_angles import joints_to_motors, motors_to_joints
 from ballbar.ident.causes.channels import channel_errors
 from ballbar.ident.causes.suspects import AGREES, SHORT, Causes, suspects
-from ballbar.ident.identify import identify, identify_together
+from ballbar.ident.identify import identify_together
 from ballbar.ident.options import FitOptions
 from ballbar.ident.recording_fit import Logs, fit_recording
 from ballbar.ident.start.automatic import StartError
 from ballbar.ident.verdict import Status
 from tests.helpers.minute_logs import minute_logs
+from tests.helpers.one_recording import identify
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 FEW = FitOptions(samples=300)
@@ -214,7 +215,7 @@ def test_without_encoders_a_sound_log_has_no_suspect_and_another_robot_is_named(
 @pytest.mark.slow
 @pytest.mark.parametrize("encoders", [ENCODERS, (1, 2), (1, 2, 3, 4, 5)])
 def test_robots_that_are_not_calibrated_are_not_suspected(encoders: tuple[int, ...]) -> None:
-    """DH errors of 3 mm and mrad, three times those of an industrial robot (notes/start)."""
+    """DH errors of 3 mm and mrad, three times those of an industrial robot."""
     rng = np.random.default_rng(5)
     table = NOMINAL.table
     names = [n for n in table.robot if n not in table.gauge and n != table.plate]

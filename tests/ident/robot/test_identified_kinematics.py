@@ -28,7 +28,7 @@ from ballbar.ident.robot.accuracy import accuracy_grid
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics, kinematics
 from ballbar.ident.robot.tool_covariance import ToolCovariance
-from ballbar.result.calibration import Calibration
+from ballbar.result.calibration import Calibration, load
 from ballbar.result.machine_entries import covariance_entry
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
 from tests.helpers.pose_results import RANGE, write_pose_result
@@ -51,7 +51,7 @@ def result(tmp_path_factory: pytest.TempPathFactory, cell: Cell, nominal: Geomet
 
 @pytest.fixture(scope="module")
 def calibration(result: Path) -> Calibration:
-    return Calibration.load(result.parent)
+    return load(result.parent)
 
 
 @pytest.fixture(scope="module")
@@ -321,7 +321,7 @@ def test_a_calibration_without_covariance_states_no_uncertainty(
 
 
 def test_a_calibration_of_still_poses_serves_likewise(tmp_path: Path) -> None:
-    loaded = Calibration.load(write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=2))
+    loaded = load(write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=2))
     robot, arm = loaded.kinematics("frame"), loaded.identified_robot("frame")
     q = np.random.default_rng(3).uniform(-1.5, 1.5, (20, 6))
     poses = robot.forward(q)
@@ -344,7 +344,7 @@ def test_no_solution_farther_than_that_of_steps_from_the_given_angles_is_called_
     tmp_path: Path, name: str
 ) -> None:
     """Regression: what the search had, which misses postures, replaced what the steps reached."""
-    loaded = Calibration.load(write_pose_result(tmp_path / "calibration.yaml", name, seed=2))
+    loaded = load(write_pose_result(tmp_path / "calibration.yaml", name, seed=2))
     solver, rng = loaded.kinematics("frame"), np.random.default_rng(5)
     q = rng.uniform(-1.5, 1.5, (300, 6))
     previous = q + rng.uniform(-0.6, 0.6, q.shape)
@@ -366,7 +366,7 @@ def test_no_solution_farther_than_that_of_steps_from_the_given_angles_is_called_
 def test_the_posture_next_to_the_given_angles_is_kept(tmp_path: Path, name: str) -> None:
     """Regression: 80 of 50 000 postures turned into others, with good flags, where the nominal arm
     has none, and others left the axis ranges."""
-    loaded = Calibration.load(write_pose_result(tmp_path / "calibration.yaml", name, seed=2))
+    loaded = load(write_pose_result(tmp_path / "calibration.yaml", name, seed=2))
     solver = loaded.kinematics("frame")
     own, rng = solver.robot, np.random.default_rng(5)
     axes = rng.uniform(own.axis_lower, own.axis_upper, (20_000, own.joints))
