@@ -50,4 +50,4 @@ def typical_friction(cell: Cell, encoders: tuple[int, ...]) -> Correction:
 def _named(made: Correction, name: str) -> Correction:
     """A correction of that name, whose coefficients have names of their own."""
     coefficients = tuple(replace(c, name=f"typical_{c.name}") for c in made.coefficients)
-    return replace(made, name=name, coefficients=coefficients)
+    return replace(made, name=name, coefficients=coefficients, made_by=None)
