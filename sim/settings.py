@@ -161,6 +161,7 @@ if not TYPE_CHECKING:
     ErrorSettings = create_model(
         "ErrorSettings",
         __base__=ErrorSettings,
+        __doc__=ErrorSettings.__doc__,
         __module__=__name__,
         **{name: (PLUGINS[name] | None, None) for name in PLUGINS.added},
     )
