@@ -18,7 +18,6 @@ from ballbar.ident.options import DEFAULT_SAMPLES, FitOptions, ForceSource, Mode
 from ballbar.terminal import out, progress_bar
 
 if TYPE_CHECKING:
-    from ballbar.identify_settings import IdentifySettings
     from ballbar.result.run_data import RunData
 
 commands = typer.Typer()
@@ -77,8 +76,9 @@ def identify(
     from ballbar.cell.processes import second_process
     from ballbar.result.names import OUTPUTS, REPLAY_MODULES
 
-    settings = _settings(
+    options = _options(
         corrections,
+        joint_errors,
         samples=samples,
         model=model,
         force=force,
@@ -95,7 +95,7 @@ def identify(
         from ballbar.report.terminal import say_identification
         from ballbar.result.identify import identified
 
-        options, listener = _options(settings, joint_errors), Listener(progress)
+        listener = Listener(progress)
         run = identified(recordings, validate or [], options=options, listener=listener)
         if not as_json:
             with progress.removed():
@@ -109,17 +109,6 @@ def identify(
         _say_json(run, folder)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if run.acceptable else 1)
-
-
-def _options(settings: IdentifySettings, joint_errors: str) -> FitOptions:
-    """The options of the fit; joint_errors : `auto`, `none`, or the path of a calibration."""
-    if joint_errors == "auto":
-        return settings.options
-    if joint_errors == "none":
-        return replace(settings.options, joint_errors="none")
-    from ballbar.result.calibration import load
-
-    return replace(settings.options, joint_errors=load(joint_errors).joint_errors())
 
 
 def _say_json(run: RunData, folder: Path) -> None:
@@ -136,8 +125,8 @@ def _beside(recording: Path) -> Path:
     return beside(folder, "-identified")
 
 
-def _settings(corrections: str, **options: object) -> IdentifySettings:
-    """The options as settings, checked by the schema of scenarios."""
+def _options(corrections: str, joint_errors: str, **options: object) -> FitOptions:
+    """The options of the fit, checked by the schema of scenarios."""
     from pydantic import ValidationError
 
     from ballbar.cell.schema_errors import explain
@@ -146,7 +135,14 @@ def _settings(corrections: str, **options: object) -> IdentifySettings:
     names = [name.strip() for name in corrections.split(",")]
     options["corrections"] = "auto" if corrections == "auto" else names
     try:
-        return IdentifySettings.model_validate(options)
+        chosen = IdentifySettings.model_validate(options).options
     except ValidationError as error:
         errors = explain(error.errors(include_url=False), IdentifySettings, options)
         raise InputError("\n".join(text for _, text in errors)) from None
+    if joint_errors == "auto":
+        return chosen
+    if joint_errors == "none":
+        return replace(chosen, joint_errors="none")
+    from ballbar.result.calibration import load
+
+    return replace(chosen, joint_errors=load(joint_errors).joint_errors())

@@ -17,7 +17,7 @@ from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import robot_geometry
 from ballbar.cell.load import load_robot
-from ballbar.cell.pose_file import PosesFile
+from ballbar.cell.pose_file import PosesFile, load_poses_file
 from ballbar.cell.poses import PoseTable
 from ballbar.cell.recording import RecordingFile, SourceFile, Sources, load_recording_file
 from ballbar.ident.recording_fit import Logs
@@ -36,17 +36,21 @@ def read(path: str | PathLike[str]) -> Measured:
     """The recording, or the poses, of a folder or of the file that describes it.
 
     path : folder with recording.yaml or poses.yaml, or one of these files; any other `.yaml` is one
-        of poses.
+        of poses. A table is read if a poses.yaml beside it describes it alone.
 
-    Raises InputError for bad files, and StartError where the logs of robot and tracker cannot be
-    brought together.
+    Raises InputError for bad files and for a table that nothing describes, and StartError where
+    the logs of robot and tracker cannot be brought together.
     """
     place = Path(path)
     if place.name == "recording.yaml":
         place = place.parent
     elif place.is_file() and place.suffix != ".yaml":
-        what = "is a file of data, which does not say what its columns are."
-        raise InputError.at(place, what, "Describe it with ballbar new, and name that folder.")
+        described = place.parent / "poses.yaml"
+        tables = load_poses_file(described).tables if described.exists() else ()
+        if [file for table in tables for file in table.files] != [place.name]:
+            what = "is a file of data, which does not say what its columns are."
+            raise InputError.at(place, what, "Describe it with ballbar new, and name that folder.")
+        place = described
     return poses_of(place) if gives_poses(place) else read_with_causes(place)
 
 

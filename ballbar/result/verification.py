@@ -125,10 +125,6 @@ def _check_same(
     calibration: Calibration, folder: Path | None, names: dict[str, str], robot: Robot | None
 ) -> None:
     """names : of the descriptions in a folder, by the keys of its file. robot : of arrays."""
-    known = nominal_chain(calibration.robot)
-    if robot is not None and not same_contents(nominal_chain(robot), known):
-        what = f"has other nominal DH parameters than that of {calibration.path}."
-        raise InputError.at(f"robot {robot.name}", what, "A result is tried on the same robot.")
     for key, here in names.items():
         name, file = getattr(calibration.file, key), calibration.path
         if description_identity(here, folder) != description_identity(name, file.parent):
@@ -137,6 +133,10 @@ def _check_same(
                 "files differ. A result is tried on measurements of the same robot, instrument and "
                 "plate."
             )
+    known = nominal_chain(calibration.robot)
+    if robot is not None and not same_contents(nominal_chain(robot), known):
+        what = f"has other nominal DH parameters than that of {calibration.path}."
+        raise InputError.at(f"robot {robot.name}", what, "A result is tried on the same robot.")
 
 
 def reading_remarks(report: ImportReport) -> tuple[str, ...]:

@@ -12,8 +12,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import ballbar
-from ballbar import Calibration, FitOptions, InputError, Logs, PoseTable, Recording
+from ballbar import Calibration, FitOptions, InputError, Logs, PoseImport, PoseTable, Recording
 from tests.helpers.drawn_pose_tables import DrawnRobot, drawn_robot, point_table
+from tests.helpers.pose_results import write_pose_table
 from tests.helpers.simulated_recordings import Recorded
 
 OPTIONS = FitOptions(samples=300)
@@ -57,6 +58,17 @@ def test_a_folder_its_file_and_the_path_as_text_are_one_recording(recorded: Reco
 def test_a_file_of_data_is_refused_with_the_command_that_describes_it(recorded: Recorded) -> None:
     with pytest.raises(InputError, match=r"ballbar.csv: is a file of data.*ballbar new"):
         ballbar.read(recorded.folder / "raw/ballbar.csv")
+
+
+def test_a_table_is_read_as_the_file_beside_it_describes(poses: PoseTable, tmp_path: Path) -> None:
+    folder = write_pose_table(tmp_path / "poses", poses, "ur10", poses.groups[0].q, "ball")
+    table = folder / "poses.csv"
+    read = ballbar.read(table)
+    assert isinstance(read, PoseImport)
+    assert np.allclose(read.table.q, poses.q)
+    table.with_name("other.csv").write_text(table.read_text())
+    with pytest.raises(InputError, match=r"other.csv: is a file of data"):
+        ballbar.read(table.with_name("other.csv"))
 
 
 def test_nothing_is_refused_and_logs_as_arrays_need_their_cell(recorded: Recorded) -> None:
