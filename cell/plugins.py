@@ -77,7 +77,7 @@ def _distribution(point: EntryPoint) -> tuple[str, str]:
     return (point.dist.name, point.dist.version) if point.dist else (point.value, "unknown")
 
 
-def _refused(point: EntryPoint, reason: str, remedy: str = "mend it") -> InputError:
+def _refused(point: EntryPoint, reason: str, remedy: str = "repair it") -> InputError:
     name = _distribution(point)[0]
     return InputError(
         f"plug-in {point.name} of package {name} ({point.group} = {point.value}) {reason}; "

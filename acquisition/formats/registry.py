@@ -28,7 +28,7 @@ _OWN: dict[str, tuple[_Reader, str, str]] = {
     "kuka-rsi": (read_rsi, "integer", "ms"),
 }
 # Reader of each container, with the type and unit of the times that it gives.
-CONTAINERS = PluginTable("containers", _OWN, lambda found: isinstance(found, tuple))
+CONTAINERS = PluginTable("containers", _OWN, lambda entry: isinstance(entry, tuple))
 
 
 def container_of(raw: bytes) -> Container:

@@ -1,4 +1,4 @@
-"""What an error source of a plug-in is: keys of a scenario, and what they do to the robot."""
+"""Base of the error sources of plug-ins: keys of a scenario, and what they do to the robot."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ import pytest
 from ballbar.cell.files import write_yaml
 from ballbar.cell.strict_yaml import load_yaml
 from tests.helpers.source_imports import ROOT
-from tests.project.test_wheel import OFFLINE, python, run, wheel
+from tests.helpers.wheels import OFFLINE, python, run, wheel
 
 __all__ = ["python", "wheel"]  # fixtures: ballbar by its wheel, alone in an environment
 pytestmark = pytest.mark.slow
