@@ -20,12 +20,15 @@ def main() -> None:
     for name in ONE_THREAD:  # before the libraries load
         os.environ.setdefault(name, "1")
     before = signal.signal(signal.SIGINT, _exit_at_once)
-    signal.signal(signal.SIGTERM, _exit_at_once)
+    ends = {signal.SIGTERM, getattr(signal, "SIGBREAK", signal.SIGTERM)}  # the latter of Windows
+    for number in ends:
+        signal.signal(number, _exit_at_once)
     from ballbar.commands.cli import main as run  # noqa: PLC0415
 
     signal.signal(signal.SIGINT, before)
     # The end of a batch job or container counts as Ctrl-C: what is under way is put away first.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in ends:
+        signal.signal(number, signal.default_int_handler)
     try:
         run()
     except SystemExit as leaving:

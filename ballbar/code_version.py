@@ -6,8 +6,9 @@ Two rows of one version were computed by the same code.
 from __future__ import annotations
 
 import hashlib
+from contextlib import suppress
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -37,5 +38,6 @@ def code_version() -> str:
                 text = f"{package}/{name.as_posix()}\0"
                 digest.update(text.encode() + file.read_bytes() + b"\0")
     for library in _LIBRARIES:
-        digest.update(f"{library} {version(library)}\0".encode())
+        with suppress(PackageNotFoundError):  # what identifies alone needs no plant
+            digest.update(f"{library} {version(library)}\0".encode())
     return f"{version(DISTRIBUTION)}+{digest.hexdigest()[:8]}"

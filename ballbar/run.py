@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,12 +14,12 @@ from typing import TYPE_CHECKING
 
 from ballbar.cell.errors import InputError
 from ballbar.cell.extended_yaml import files_of
-from ballbar.cell.files import DESCRIPTIONS, claimed_folder
+from ballbar.cell.files import DESCRIPTIONS, claimed_folder, write_yaml
+from ballbar.cell.load import load_robot
 from ballbar.cell.pose_file import load_poses_file
 from ballbar.cell.processes import Begin
 from ballbar.cell.recording import load_recording_file
 from ballbar.ident.options import SILENT, Listener
-from ballbar.plan.found_path import with_found_path
 from ballbar.result.identify import identified
 from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
@@ -28,6 +29,7 @@ from ballbar.scenario import (
     load_scenario,
     scenario_file,
     scenario_path,
+    with_absolute_names,
     with_copied_descriptions,
     write_scenario,
 )
@@ -42,6 +44,9 @@ from ballbar.truth.limits import plant_limits, result_limits
 # file, data, and words of what a scenario makes: of the whole, where it is real, and on the way
 _RECORDING = ("recording.yaml", "raw", "a recording", "a real recording", "simulating the cell")
 _TABLE = ("poses.yaml", TABLE, "a table of poses", "real poses", "simulating the poses")
+
+# Of a scenario's cell, in the request for the path that it does not name
+_CELL = {"robot", "ballbar", "instrument", "plate", "ballbar_position_m"}
 
 if TYPE_CHECKING:  # a run without --live imports no viewer
     from ballbar.outputs import Progress
@@ -77,7 +82,7 @@ def _simulated(
 
     files : folder of the scenario's file. temporary : folder for a path that is found.
     """
-    whole = with_found_path(scenario, files, temporary / "path.yaml")
+    whole = _with_found_path(scenario, files, temporary / "path.yaml")
     if whole.path is None:
         return whole, simulate_poses(whole, relative_to=files)
     moved, log = live.moved if live else None, recorded_log(whole.path, files)
@@ -208,3 +213,41 @@ def _held_out(scenario: Scenario) -> Scenario:
     """The scenario of the recording that takes no part in the fit: another path and noise."""
     path = scenario.needed_path.model_copy(update={"file": scenario.accept.held_out_file})
     return scenario.model_copy(update={"path": path, "recording": scenario.recording + 1})
+
+
+def _with_found_path(scenario: Scenario, folder: Path, file: Path) -> Scenario:
+    """The scenario with a path and a place of the ball-bar where it states none.
+
+    folder : of the scenario's file. file : to which the path is written. A ball-bar with fewer than
+    two encoders is planned for with four. Raises InputError where no path is found in
+    ballbar.planning.plan.SECONDS.
+    """
+    path, cell = scenario.path, scenario.cell
+    if path is None or path.kind != "lissajous" or path.file:
+        return scenario
+    # A run whose path is known loads no planner.
+    from ballbar.planning.files import planned_path_data  # noqa: PLC0415
+    from ballbar.planning.plan import plans  # noqa: PLC0415
+    from ballbar.planning.request import PlanRequest, completed  # noqa: PLC0415
+
+    named, fitted = with_absolute_names(scenario, folder).cell, scenario.encoders.fitted
+    data: dict[str, object] = {
+        "schema": "ballbar-plan/1",
+        "name": scenario.name,
+        "cell": named.model_dump(include=_CELL, exclude_none=True),
+        "timing": path.model_dump(include={"duration_s", "dwell_s", "stops"}),
+        "seed": scenario.seed,
+    }
+    if cell.ballbar is not None:
+        data |= {"servo": scenario.plant.servo}
+        data |= {"sensors": {"encoders": fitted}} if len(fitted) > 1 else {}
+    request = completed(PlanRequest.model_validate(data), load_robot(named.robot))
+    first = plans(
+        request, relative_to=folder, workers=1, seconds=0, evaluations=0, since=time.monotonic
+    )
+    plan = next(first)
+    write_yaml(file, planned_path_data(plan))
+    place = tuple(plan.evaluation.candidate.position.tolist())
+    path = path.model_copy(update={"file": str(file.resolve())})
+    cell = cell.model_copy(update={"ballbar_position_m": place})
+    return scenario.model_copy(update={"path": path, "cell": cell})

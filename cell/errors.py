@@ -6,6 +6,8 @@ place, and the remedy.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Self
 
 
@@ -32,3 +34,18 @@ class UnfinishedLogError(LogError):
 
 class FailureError(RuntimeError):
     """The input is valid, but the work came to no result."""
+
+
+@contextmanager
+def imports_for(what: str, requirement: str) -> Iterator[None]:
+    """Context for imports that not every installation has.
+
+    what : needs them. requirement : with which pip installs them.
+
+    Raises InputError with both instead of ImportError.
+    """
+    try:
+        yield
+    except ImportError as error:
+        missing = f"{what} needs {error.name}, which is not installed: pip install '{requirement}'."
+        raise InputError(missing) from None

@@ -15,14 +15,13 @@ under `change` of a sweep. Nothing is evaluated.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ballbar.cell.errors import DescriptionError, InputError
-from ballbar.cell.files import copied_description
+from ballbar.cell.files import copied_description, name_from
 from ballbar.cell.schema_errors import Loc, nearest
 from ballbar.cell.strict_yaml import Place, YamlDocument, load_yaml, parse_value
 
@@ -95,7 +94,7 @@ def renamed(data: dict[str, Any], kind: ExtendableKind, old: Path, new: Path) ->
         return data
 
     def moved(_: str, name: str) -> str:
-        return name if Path(name).is_absolute() else os.path.relpath(here / name, there)
+        return name if Path(name).is_absolute() else name_from(there, here / name)
 
     return _with_names(data, kind, moved)
 
@@ -112,7 +111,7 @@ def portable(
         file, (first, *rest) = old / name, key.split(".")
         if file.is_file():
             file = folder / copied_description(folder, rest[-1] if first == "cell" else first, file)
-        return os.path.relpath(file.resolve(), new.resolve())
+        return name_from(new, file)
 
     return _with_names(data, kind, copied)
 

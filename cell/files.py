@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -16,6 +16,11 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.foreign_files import read_regular
 from ballbar.cell.foreign_text import printable
 from ballbar.cell.strict_yaml import MAX_BYTES
+
+if sys.platform != "win32":
+    import fcntl
+
+_LOCK = ".lock"  # in a folder that is written to, on Windows
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -34,7 +39,7 @@ def written_whole(path: Path) -> Iterator[Path]:
     aside = aside_of(path)
     try:
         yield aside
-        with aside.open("rb") as file:
+        with aside.open("r+b") as file:  # Windows writes out only what is open for writing
             os.fsync(file.fileno())
         aside.replace(path)
     except OSError as error:
@@ -144,6 +149,8 @@ def new_folder(path: Path) -> Iterator[Path]:
     try:
         aside.mkdir(parents=True)
         yield aside
+        if path.exists():  # empty; Windows replaces no folder
+            path.rmdir()
         aside.replace(path)
     finally:
         shutil.rmtree(aside, ignore_errors=True)
@@ -152,7 +159,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 def _tidied(path: Path, known: set[str]) -> None:
     """Deletes unfinished files of these names. Raises InputError where other files are."""
     unfinished = {aside_of(path / name).name for name in known}
-    entries = {entry.name for entry in path.iterdir()}
+    entries = {entry.name for entry in path.iterdir()} - {_LOCK}
     if foreign := sorted(entries - known - unfinished):
         what = f"exists and holds something else ({', '.join(foreign[:3])}); nothing was written."
         raise InputError.at(path, what, "Choose another folder with --out.")
@@ -190,16 +197,27 @@ def _locked(folder: Path) -> Iterator[None]:
 
     Raises InputError if another one has locked it.
     """
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
+    with ExitStack() as held:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            if sys.platform == "win32":  # a file that the system deletes when it is closed
+                flags = os.O_CREAT | os.O_EXCL | os.O_TEMPORARY
+                held.callback(os.close, os.open(folder / _LOCK, flags))
+            else:
+                descriptor = os.open(folder, os.O_RDONLY)
+                held.callback(os.close, descriptor)
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, FileExistsError):
             remedy = "Wait for it, or choose another folder with --out."
             raise InputError.at(folder, "another process writes to this folder.", remedy) from None
         yield
-    finally:
-        os.close(descriptor)
+
+
+def name_from(folder: Path, file: Path) -> str:
+    """The name of a file from a folder, with slashes on every system; absolute on another drive."""
+    try:
+        return Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # of another drive of Windows
+        return file.resolve().as_posix()
 
 
 def beside(path: Path, ending: str) -> Path:

@@ -47,7 +47,8 @@ def repeated(folder: Path, files: Iterable[str]) -> tuple[str, str] | None:
     for name in files:
         try:
             status = os.stat(folder / name)  # noqa: PTH116  also where the name holds a NUL
-            key: object = (status.st_dev, status.st_ino)
+            place = status.st_ino or os.path.realpath(folder / name)  # 0 on some disks of Windows
+            key: object = (status.st_dev, place)
         except (OSError, ValueError):  # its reader says so
             key = name
         if key in names:

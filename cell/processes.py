@@ -10,12 +10,15 @@ import importlib
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
+from importlib.util import find_spec
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -52,12 +55,29 @@ def process_pool(
             pool.shutdown(wait=True, cancel_futures=True)
 
 
+def process_apart(
+    command: list[str], output: int = subprocess.DEVNULL, env: dict[str, str] | None = None
+) -> subprocess.Popen[bytes]:
+    """A process that does not write into this terminal, and that Ctrl-C here does not reach.
+
+    output : of its standard output.
+    """
+    group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)  # of Windows, which has no sessions
+    none = subprocess.DEVNULL
+    return subprocess.Popen(
+        command, -1, None, None, output, none, env=env, start_new_session=True, creationflags=group
+    )
+
+
 @contextmanager
 def stop_signals_blocked() -> Iterator[None]:
     """Processes started within receive neither Ctrl-C nor the SIGTERM of a batch system.
 
     Both signals go to all processes of a group at once; who started them receives them and decides.
     """
+    if sys.platform == "win32":  # which has no masks: until they ignore it, Ctrl-C ends them
+        yield
+        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
@@ -67,8 +87,11 @@ def stop_signals_blocked() -> Iterator[None]:
 
 @contextmanager
 def on_stop_signals(handle: Callable[..., None]) -> Iterator[None]:
-    """Ctrl-C and SIGTERM (the end of a batch job) call `handle` instead of ending this process."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
+    """Ctrl-C and SIGTERM (the end of a batch job) call `handle` instead of ending this process.
+
+    So does SIGBREAK, with which one process of Windows stops another.
+    """
+    numbers = {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGBREAK", signal.SIGTERM)}
     before = {number: signal.signal(number, lambda *_: handle()) for number in numbers}
     try:
         yield
@@ -83,7 +106,12 @@ def second_process(*modules: str) -> Iterator[Begin]:
 
     It imports the modules at once. Before it has done so, of what it has not begun when the result
     is asked for, and where it died, the work is done in this process.
+
+    Raises ModuleNotFoundError at once for a module of a package that is not installed.
     """
+    for module in modules:
+        if find_spec(module.partition(".")[0]) is None:
+            raise ModuleNotFoundError(f"No module named {module!r}", name=module)
     with process_pool(1, _import, modules) as pool:
         ready = pool.submit(os.getpid)
 

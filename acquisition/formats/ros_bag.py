@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import quote
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from ballbar.acquisition.report import Finding, finding
 from ballbar.acquisition.table.header import Layout
 from ballbar.acquisition.table.table import Form, Table
 from ballbar.acquisition.table.text import require_file
-from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.errors import LogError, imports_for
 
 if TYPE_CHECKING:
     import sqlite3
@@ -41,8 +40,8 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     """Stamps [ns] and the wanted positions; the lines are message numbers within the topic, from 1.
 
     Messages without stamp (zero) are left out and reported, as are those of other joints.
-    Raises LogError if the bag is damaged or several topics hold the joints, DescriptionError if a
-    package is missing.
+    Raises LogError if the bag is damaged or several topics hold the joints, InputError if a package
+    is missing.
     """
     _check_stored(path, file)
     findings: list[Finding] = []
@@ -82,13 +81,8 @@ def _states(path: Path, file: str, findings: list[Finding]) -> dict[str, list[Jo
 
     Raises LogError if the bag or a message is damaged, or there are none.
     """
-    try:
+    with imports_for(f"{file}: a ROS bag", "ballbar-bench[ros]"):
         from ballbar.acquisition.formats.ros_messages import decode, mcap_messages  # noqa: PLC0415
-    except ImportError as error:
-        raise DescriptionError(
-            f"{file}: ROS bags need the package {error.name}, which is not installed. Install the "
-            "extra: pip install 'ballbar-bench[ros]'"
-        ) from None
     with path.open("rb") as opened:
         sqlite = opened.read(len(_SQLITE)) == _SQLITE
     messages = _sqlite_messages(path, file, findings) if sqlite else None
@@ -140,7 +134,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
         findings.append(finding("write-ahead log", file, sentence, count=1))
     _check_size(path, file)
     checks = 1000 + _CHECKS_PER_MB * (path.stat().st_size // 1_000_000)
-    connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
+    connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
     try:
         # No view, trigger or function runs, and nothing else runs long.
         checks_left = iter(range(checks))

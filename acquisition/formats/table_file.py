@@ -35,7 +35,7 @@ from ballbar.acquisition.table.text import (
     split_fields,
     text_of,
 )
-from ballbar.cell.errors import InputError, LogError
+from ballbar.cell.errors import LogError, imports_for
 
 _ZIP = b"PK\x03\x04"  # a workbook is a zip archive
 
@@ -46,13 +46,8 @@ def workbook_text(content: Content, file: str, sheet: str | None) -> LogText:
     sheet : its name; the first one if None.
     Raises LogError if the file is no workbook, or has no such sheet; InputError without openpyxl.
     """
-    try:
-        import openpyxl  # noqa: PLC0415  an extra
-    except ImportError:
-        raise InputError(
-            f"{file}: workbooks are read by openpyxl, which is not installed. Install it with "
-            "`pip install ballbar-bench[xlsx]`, or save the sheet as .csv."
-        ) from None
+    with imports_for(f"{file}: a workbook", "ballbar-bench[xlsx]"):
+        import openpyxl  # noqa: PLC0415
     try:
         with zipfile.ZipFile(io.BytesIO(content.raw)) as archive:
             check_unpacked(

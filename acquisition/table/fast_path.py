@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 from pyarrow import csv
 
 from ballbar.acquisition.report import Finding
-from ballbar.acquisition.table.header import PREAMBLE, Header, Layout, read_header
+from ballbar.acquisition.table.header import FINE, PREAMBLE, Header, Layout, read_header
 from ballbar.acquisition.table.text import LONGEST_LINE, Content, LogText, text_of, unterminated
 from ballbar.cell.errors import LogError
 
-FINE = 4e6  # a float64 below it resolves 1e-9
 _TYPES = {"integer": pa.int64(), "text": pa.int64(), "decimal": pa.float64(), "float": pa.float64()}
 _BLOCK = 1 << 19  # bytes parsed at a time by one thread
 _PART = 1 << 23  # bytes of the file held at a time

@@ -20,6 +20,7 @@ from ballbar.cell.errors import LogError
 Kind = Literal["integer", "float", "decimal", "text"]  # decimal: text where a float loses digits
 MOST_COLUMNS = 2000
 PREAMBLE = 200  # lines before a header, at most
+FINE = 4e6  # a float64 below it resolves 1e-9
 
 
 @dataclass(frozen=True)

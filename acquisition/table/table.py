@@ -1,8 +1,9 @@
 """Device tables: text to columns of exact integers and floats, every bad cell with its location.
 
 Integers (counters, time stamps) never pass through float: a float64 resolves today's time stamps to
-128 ns only. Clean files are read at once (ballbar.acquisition.table.fast_path), others line by
-line: numpy's loadtxt parses strictly (no underscores, no integer from `1e5`).
+128 ns only. Clean files are read at once (ballbar.acquisition.table.fast_path) where pyarrow is
+installed, others line by line: numpy's loadtxt parses strictly (no underscores, no integer from
+`1e5`).
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -19,8 +21,7 @@ from numpy.typing import NDArray
 
 from ballbar.acquisition.flags import Flags, RowFlag
 from ballbar.acquisition.report import Finding, finding
-from ballbar.acquisition.table.fast_path import FINE, clean_columns
-from ballbar.acquisition.table.header import Header, Kind, Layout, read_header
+from ballbar.acquisition.table.header import FINE, Header, Kind, Layout, read_header
 from ballbar.acquisition.table.rows import PlainRows, plain_rows
 from ballbar.acquisition.table.text import (
     SEPARATORS,
@@ -127,8 +128,12 @@ def read_table(path: Path, file: str, layout: Layout) -> tuple[Table, Form]:
     file : the name that errors and findings give it.
     Raises LogError naming file, line and column if the table cannot be trusted.
     """
+    clean = None
     with open_filled(path, file) as (source, unpacking):
-        clean = clean_columns(source, file, layout)
+        if find_spec("pyarrow"):
+            from ballbar.acquisition.table.fast_path import clean_columns  # noqa: PLC0415
+
+            clean = clean_columns(source, file, layout)
         if clean is None:
             source.seek(0)
             return text_table(text_of(Content(source.read(), unpacking), file), layout)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from os.path import normpath
 from pathlib import Path
+from posixpath import normpath
 
 from rich.console import Console
 from rich.markup import escape

@@ -7,6 +7,7 @@ little memory, 130 interrupted by Ctrl-C or SIGTERM.
 from __future__ import annotations
 
 import errno
+import re
 import sys
 from typing import Annotated
 
@@ -95,6 +96,10 @@ def main() -> None:
         if _was_interrupted(error):
             say_interrupted()
             sys.exit(INTERRUPTED)
+        if isinstance(error, ModuleNotFoundError) and (requirement := _requirement_of(error)):
+            what = f"this command needs {error.name}, which is not installed: pip install"
+            err.print(f"[red]error:[/] {escape(what)} '{escape(requirement)}'.")
+            sys.exit(2)
         _say_fault(error)
         sys.exit(FAULT)
 
@@ -104,6 +109,16 @@ def _was_interrupted(error: BaseException | None) -> bool:
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
+
+
+def _requirement_of(error: ModuleNotFoundError) -> str | None:
+    """Our requirement, as pip takes it, that installs a missing module; None for other modules."""
+    from importlib.metadata import requires
+
+    module = (error.name or "").partition(".")[0]
+    name = {"mujoco": "mujoco-core", "rerun": "rerun-sdk"}.get(module, module)
+    lines = (line.partition(";")[0].strip() for line in requires("ballbar-bench") or ())
+    return next((line for line in lines if re.split(r"[^\w-]", line)[0] == name), None)
 
 
 def _place_of(details: str) -> str:

@@ -71,7 +71,7 @@ def comparison_data(comparison: Comparison) -> dict[str, object]:
 
 def plan_data(folder: Path, *, feasible: bool) -> dict[str, object]:
     """JSON of `plan`: plan.yaml as written, and whether no limit was violated in the plant."""
-    content = yaml.safe_load((folder / "plan.yaml").read_text())  # our own file of plain values
+    content = yaml.safe_load((folder / "plan.yaml").read_bytes())  # our own file of plain values
     return {
         "acceptable": feasible,
         "folder": str(folder),

@@ -20,7 +20,7 @@ from ballbar.acquisition.live.plc_source import Memory, PlcSource
 from ballbar.acquisition.live.recorder import LiveRecording
 from ballbar.acquisition.live.source import Source
 from ballbar.acquisition.sources import log_source
-from ballbar.cell.errors import InputError
+from ballbar.cell.errors import InputError, imports_for
 from ballbar.cell.load import describes_instrument, load_cell, load_robot
 from ballbar.cell.plc_ring import RING
 from ballbar.cell.processes import on_stop_signals
@@ -203,7 +203,7 @@ def _cell_names(options: RecordOptions) -> tuple[CellNames, list[Path]]:
     if described is not None:
         stated += dict.fromkeys(source.dialect for source in described.sources.named.values())
     files = [base / name for name in stated if name.endswith(".yaml")]
-    if len({*(file.name for file in files), "recording.yaml"}) <= len(files):
+    if len({*(file.name.casefold() for file in files), "recording.yaml"}) <= len(files):
         what = "two files of one folder, or one and recording.yaml, cannot have the same name."
         raise InputError.at(", ".join(map(str, files)), what, "Rename one of them.")
     robot, ballbar, plate = (Path(n).name if n.endswith(".yaml") else n for n in stated[:3])
@@ -249,11 +249,8 @@ def ads_reader(wanted: str) -> type[AdsMemory]:
     wanted : what needs it, for the message.
     """
     try:
-        from ballbar.acquisition.live.ads import AdsMemory  # noqa: PLC0415  an extra
-    except ImportError:
-        raise InputError(
-            f"{wanted} needs pyads, which is not installed: pip install 'ballbar-bench[ads]'."
-        ) from None
+        with imports_for(wanted, "ballbar-bench[ads]"):
+            from ballbar.acquisition.live.ads import AdsMemory  # noqa: PLC0415
     except OSError as error:  # pyads loads the ADS library when it is imported
         what = f"the ADS library of pyads cannot be loaded ({error})."
         raise InputError.at(wanted, what, "On Windows it comes with TwinCAT.") from None

@@ -38,7 +38,8 @@ def new_recording(
     Raises InputError if the folder holds something, an answer is missing, or the files cannot be
     read in the way that was answered; then nothing is left behind.
     """
-    if robot_log.name == ballbar_log.name and not robot_log.samefile(ballbar_log):
+    names = {log.name.casefold() for log in (robot_log, ballbar_log)}
+    if len(names) == 1 and not robot_log.samefile(ballbar_log):
         raise InputError(f"{robot_log} and {ballbar_log} have the same name; rename one of them.")
     with new_folder(folder) as aside:
         previews = LogPreview.of(robot_log), LogPreview.of(ballbar_log)
@@ -111,7 +112,10 @@ def _sources(tables: Sequence[Path]) -> dict[str, Path]:
     if twice:
         raise InputError(f"{twice[0]} is named twice; name it once.")
     parts = [(file.parent.resolve() / file.name).parts for file in files]
-    depth = next(k for k in count(1) if len({part[-k:] for part in parts}) == len(parts))
+    folded = [tuple(map(str.casefold, part)) for part in parts]
+    if len({*folded}) < len(files):
+        raise InputError(f"{files[0]}, ...: two names differ in case alone; rename one of them.")
+    depth = next(k for k in count(1) if len({part[-k:] for part in folded}) == len(files))
     return {RAW + "/".join(part[-depth:]): file for part, file in zip(parts, files, strict=True)}
 
 

@@ -83,7 +83,7 @@ def _replace_outputs(beside: Path, out: Path) -> None:
         else:
             old.unlink(missing_ok=True)
         if new.exists():
-            new.rename(old)
+            new.replace(old)
 
 
 def chain(rehearsal: Rehearsal) -> dict[str, object]:

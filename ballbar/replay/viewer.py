@@ -17,6 +17,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 from ballbar.cell.errors import FailureError, InputError
+from ballbar.cell.processes import process_apart
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
 _MAGIC = b"RRF"  # first bytes of a rerun recording, before the version of its format
@@ -67,7 +68,7 @@ def open_viewer(path: Path) -> None:
     _check_screen("Use --web, and a browser on this machine.")
     command = [_rerun(), "--bind", LOOPBACK, "--port", "auto", str(path)]
     try:
-        code = subprocess.run(command, check=False, env=_only_errors()).returncode
+        code = subprocess.run(command, check=False, env=_quiet()).returncode
     except KeyboardInterrupt:
         return
     if code != 0:
@@ -128,7 +129,7 @@ def web_server(
     port, data_port = port or _free_port(), _free_port()
     ports = ["--port", str(data_port), "--web-viewer-port", str(port)]
     command = [_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)]
-    server = subprocess.Popen(command, env=_only_errors())
+    server = subprocess.Popen(command, env=_quiet())
     data = urllib.parse.quote(f"rerun+http://{LOOPBACK}:{data_port}/proxy", safe="")
     try:
         _wait_for(server, port, f"{path}: the web viewer")
@@ -136,15 +137,6 @@ def web_server(
     finally:
         server.terminate()
         server.wait()
-
-
-def _apart(command: list[str]) -> subprocess.Popen[bytes]:
-    """A process that does not write into the caller's terminal.
-
-    It has a session of its own: the Ctrl-C that ends a recording does not close the window too.
-    """
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, start_new_session=True, stdout=quiet, stderr=quiet)
 
 
 def live_viewer() -> str:
@@ -157,7 +149,8 @@ def live_viewer() -> str:
     _check_screen("Leave out --live.")  # without one the viewer answers first, and ends then
     port = _free_port()
     address = ["--bind", LOOPBACK, "--port", str(port)]
-    viewer = _apart([_rerun(), *address, "--hide-welcome-screen", "--expect-data-soon"])
+    command = [_rerun(), *address, "--hide-welcome-screen", "--expect-data-soon"]
+    viewer = process_apart(command, env=_quiet())
     try:
         _wait_for(viewer, port, "the viewer")
     except ViewerError as error:
@@ -168,9 +161,12 @@ def live_viewer() -> str:
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
-def _only_errors() -> dict[str, str]:
-    """The environment in which the viewer writes nothing but errors to the terminal."""
-    return {**os.environ, "RUST_LOG": "error"}
+def _quiet() -> dict[str, str]:
+    """The environment in which the viewer writes errors alone, and collects no usage data.
+
+    CI is what rerun itself looks for to collect none; the user's own setting of rerun stays.
+    """
+    return {**os.environ, "RUST_LOG": "error", "CI": "1"}
 
 
 def _rerun() -> str:
@@ -178,8 +174,9 @@ def _rerun() -> str:
 
     Not `python -m rerun_cli`: ending that would leave the program behind it running.
     """
-    spec = importlib.util.find_spec("rerun_cli")
-    folders = [Path(folder) for folder in (spec.submodule_search_locations or [])] if spec else []
+    if (spec := importlib.util.find_spec("rerun_cli")) is None:
+        raise ModuleNotFoundError("No module named 'rerun'", name="rerun")
+    folders = map(Path, spec.submodule_search_locations or ())
     for program in (folder / name for folder in folders for name in _BINARIES):
         if program.is_file():
             return str(program)

@@ -20,6 +20,7 @@ import rerun.blueprint as rrb
 import yaml
 
 from ballbar.acquisition.report import report_lines
+from ballbar.cell.files import written_whole
 from ballbar.replay.blueprint import Shown, layout
 from ballbar.replay.entities import CELL, NOTES, SCENARIO, Branch, root_of
 from ballbar.replay.events import log_events, recording_events
@@ -47,14 +48,9 @@ def write_replay(path: Path, run: RunData) -> None:
     """Write the replay of one run as an .rrd file, whole or not at all; folders are made."""
     view, log = _prepared(run)
     path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name}.part")
-    try:
-        with _stream(run) as stream:
-            stream.save(aside, default_blueprint=view)
-            log(stream)
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    with written_whole(path) as aside, _stream(run) as stream:
+        stream.save(aside, default_blueprint=view)
+        log(stream)
 
 
 def send_replay(address: str, run: RunData) -> None:

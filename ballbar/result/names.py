@@ -10,6 +10,6 @@ IMPORT_REPORT = "import_report.json"
 REPORT = "report.html"
 REPLAY = "run.rrd"
 # of the process that writes a replay: Arrow looks for pandas at Rerun's first array
-REPLAY_MODULES = ("ballbar.replay.write", "pandas")
+REPLAY_MODULES = ("rerun", "ballbar.replay.write", "pandas")
 # Of `run` and `identify`, from logs and from still poses
 OUTPUTS = {CALIBRATION, REFUSED, IMPORT_REPORT, REPORT, REPLAY, DESCRIPTIONS}

@@ -47,7 +47,7 @@ class Task:
 DONE, FAILED = "done", "failed"  # status of a run
 
 # folder made for one run or one worker
-_TEMPORARY = re.compile(rf"{re.escape(gettempdir())}{os.sep}ballbar-[\w-]+{os.sep}")
+_TEMPORARY = re.compile(rf"{re.escape(gettempdir())}[\\/]ballbar-[\w-]+[\\/]")
 
 
 def run_chunk(text: str, runs: Sequence[int], trial: Trial, top: Path) -> list[Row]:

@@ -94,7 +94,9 @@ class SweepFolder:
     @cached_property
     def _earlier(self) -> list[tuple[SweepFolder, set[int]]]:
         """The smaller plans that this one grew from, and numbers of their chunks that are done."""
-        plans = [Plan(file.read_text()) for file in (self.path / _CHUNKS).glob(f"*/{_STORED}")]
+        plans = [
+            Plan(file.read_text("utf-8")) for file in (self.path / _CHUNKS).glob(f"*/{_STORED}")
+        ]
         smaller = [plan for plan in plans if plan.digest != self.plan.digest]
         folders = [SweepFolder(self.path, p) for p in smaller if not changed_keys(self.plan, p)]
         return [(folder, folder._done) for folder in folders]

@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ballbar.cell.errors import FailureError, InputError
+from ballbar.cell.errors import FailureError, InputError, imports_for
 from ballbar.cell.processes import on_stop_signals, stop_signals_blocked
 from ballbar.cell.processes import process_pool as processes_of
 from ballbar.code_version import DISTRIBUTION
@@ -215,13 +215,8 @@ def _ready() -> None:
 
 
 def _dask_client(address: str) -> Client:
-    try:
+    with imports_for(f"--scheduler {address}", f"{DISTRIBUTION}[dask]"):
         from distributed import Client  # noqa: PLC0415
-    except ImportError:
-        raise InputError(
-            f"--scheduler {address} needs Dask, which is not installed: "
-            f"pip install '{DISTRIBUTION}[dask]'."
-        ) from None
     try:
         return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:

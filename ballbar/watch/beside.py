@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import threading
 from pathlib import Path
 
+from ballbar.cell.processes import process_apart
 from ballbar.cell.threads import one_thread_each
 from ballbar.watch.show import Data
 
 LAST = 120.0  # [s] for the complete fit of the whole recording
+# Asks a process to end, on Windows and elsewhere
+END = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
 
 
 class WatchBeside:
@@ -26,9 +30,7 @@ class WatchBeside:
         self.updates = 0
         self._duration, self._finished, self._left_out = duration, False, False
         with one_thread_each():  # Ctrl-C is for the recorder, which ends this one when it has ended
-            self._process = subprocess.Popen(
-                command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
-            )
+            self._process = process_apart(command, subprocess.PIPE)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -56,7 +58,7 @@ class WatchBeside:
         """
         self._finished = not self.failure
         if self._process.poll() is None:
-            self._process.terminate()
+            self._process.send_signal(END)
         try:
             self._process.wait(LAST)
         except (subprocess.TimeoutExpired, KeyboardInterrupt) as reason:

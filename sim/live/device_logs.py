@@ -80,7 +80,7 @@ def device_logs(recording: Path, clock: Clock, tracker: Clock = EXACT) -> Logs:
         scales = {"ballbar": counts, "tracker": [*3 * [1e3], *3 * [1.0]]}.get(name, [1e3])  # mm
         if name == "robot":
             scales = _motor_scales(described, recording)
-        lines = (recording / file).read_text().splitlines()
+        lines = (recording / file).read_text("utf-8").splitlines()
         separator = ";" if ";" in lines[0] else ","
         cells = np.array([line.split(separator) for line in lines[1:]], dtype=object)
         seconds = cells[:, 0].astype(float) * (1.0 if "." in cells[0, 0] else 1e-9)
@@ -131,11 +131,11 @@ class GrowingRecording:
             file = self.folder / "raw" / f"{name}.csv"
             first, last = self._written[name], int(np.searchsorted(log.t, now))
             if not file.exists():
-                file.write_text(log.head + "\n")
+                file.write_text(log.head + "\n", "utf-8", newline="\n")
             lines = [log.separator.join(row) + "\n" for row in log.cells[first : last + 1]]
             torn = lines.pop()[:7] if last < len(log.cells) and lines else ""
             whole = "".join(lines)
-            with file.open("a", newline="") as stream:
+            with file.open("a", encoding="utf-8", newline="") as stream:
                 stream.write(whole[len(self._torn[name]) :] + torn if whole else "")
             if whole:
                 self._torn[name], self._written[name] = torn, last

@@ -339,7 +339,8 @@ def test_a_bag_without_the_extra_names_the_install_command(
 ) -> None:
     monkeypatch.delitem(sys.modules, "ballbar.acquisition.formats.ros_messages", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(DescriptionError, match=r"pip install 'ballbar-bench\[ros\]'"):
+    remedy = rf"needs {package}, which is not installed: pip install 'ballbar-bench\[ros\]'"
+    with pytest.raises(InputError, match=remedy):
         read(tmp_path, db3(tmp_path))
 
 

@@ -22,6 +22,7 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import bar_frames, nominal_geometry, robot_frames
 from ballbar.cell.load import load_cell
 from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.replay import viewer
 from ballbar.replay import write as replay
 from ballbar.replay.blueprint import rounded_up
 from ballbar.replay.scene import magnification, quat_from_z, quat_xyzw
@@ -362,6 +363,27 @@ def test_web_viewer_answers_on_loopback_and_ends_with_the_block(file):
             with pytest.raises(ConnectionRefusedError):  # as from any other machine
                 socket.create_connection(("127.0.0.2", served), timeout=5.0)
     assert server.poll() is not None
+
+
+def test_no_viewer_collects_usage_data(file, tmp_path, monkeypatch):
+    """Rerun keeps such data in the user's folder, and announces it in the first run of a user."""
+    for name in ("CI", "FORCE_RERUN_ANALYTICS"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "APPDATA", "LOCALAPPDATA"):
+        monkeypatch.setenv(name, str(tmp_path))
+    with web_server(file):
+        pass
+    assert not list(tmp_path.rglob("*analytics*"))
+    note = tmp_path / "note"
+    program = f"import os; open({str(note)!r}, 'w').write(os.environ['CI'])"
+    command = [sys.executable, "-c", program]
+    monkeypatch.setattr(viewer, "_rerun", lambda: command[0])
+    monkeypatch.setattr(viewer, "_check_screen", lambda _: None)
+    monkeypatch.setattr(viewer, "_wait_for", lambda window, *_: window.wait())
+    start = viewer.process_apart
+    monkeypatch.setattr(viewer, "process_apart", lambda _, env: start(command, env=env))
+    viewer.live_viewer()
+    assert note.read_text() == "1"
 
 
 @pytest.mark.slow

@@ -182,7 +182,8 @@ def test_page_of_the_scenario_holds_what_was_set_and_nothing_breaks_out_of_it(ru
     (tmp_path / "recording.yaml").write_text(
         "notes: |\n  ```\n  # Title\n  <script>\n", encoding="utf-8"
     )
-    lines = scenario_page(run, replace(fitted, folder=tmp_path)).splitlines()
+    moved = replace(fitted, recording=replace(fitted.recording, folder=tmp_path))
+    lines = scenario_page(run, moved).splitlines()
     assert all(
         line.startswith("    ")
         for line in lines

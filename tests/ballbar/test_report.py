@@ -511,8 +511,9 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
 
 @pytest.mark.slow
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
+    gone = replace(run.recordings[0].recording, folder=tmp_path / "gone")
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
-        _page(_with(run, folder=tmp_path / "gone"), tmp_path)
+        _page(_with(run, recording=gone), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 

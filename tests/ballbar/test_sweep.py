@@ -686,7 +686,7 @@ def test_without_a_scheduler_the_address_is_named(monkeypatch: pytest.MonkeyPatc
 def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        refused(r"needs Dask, which is not installed: pip install 'ballbar-bench\[dask\]'"),
+        refused(r"needs distributed, which is not installed: pip install 'ballbar-bench\[dask\]'"),
         dask_cluster(NOTHING, address="tcp://127.0.0.1:9"),
     ):
         pass

@@ -130,7 +130,7 @@ def test_the_list_of_commands_has_those_of_a_module_and_their_help(module: str) 
 
 @pytest.mark.slow
 def test_an_identification_imports_nothing_of_simulation_or_other_commands() -> None:
-    used = packages(in_functions("ballbar.commands.identification", "identify", "_settings"))
+    used = packages(in_functions("ballbar.commands.identification", "identify", "_options"))
     assert "ballbar.ident.identify" in used
     assert not used & (OF_OTHERS | {"sim", "ballbar.scenario", "ballbar.replay"})
     assert not used & (SLOW - {"scipy", "pyarrow"})
