@@ -19,12 +19,6 @@ from ballbar.ident.thesis.names import (
 )
 
 
-def _known_correction(name: str) -> str:
-    if name not in CORRECTIONS:
-        raise ValueError(f"unknown; there are {', '.join(CORRECTIONS)}")
-    return name
-
-
 def _unless_auto(value: object) -> object:
     if value == "auto":
         return None
@@ -32,7 +26,7 @@ def _unless_auto(value: object) -> object:
 
 
 Corrections = Annotated[
-    tuple[Annotated[str, AfterValidator(_known_correction)], ...], Field(min_length=1)
+    tuple[Annotated[str, AfterValidator(CORRECTIONS.known)], ...], Field(min_length=1)
 ]
 
 

@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field, model_validator
 from ballbar.cell.errors import DescriptionError
 from ballbar.cell.file_units import AngleUnit
 from ballbar.cell.logs import SourceName
+from ballbar.cell.plugins import PluginTable
 from ballbar.cell.recording import EncoderName
 from ballbar.cell.schema import Strict
 from ballbar.cell.schema_errors import nearest
@@ -33,9 +34,13 @@ TimeForm = Literal[
 ABB_PERIOD = 0.004032  # [s] of a controller's rows (notes/log_formats sec. D)
 
 AngleKind = Literal["motors", "axes", "joints"]
-Container = Literal["text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe", "kuka-rsi"]
 Separator = Literal[",", ";", "\t", " "]  # blank: any run of blanks
 Selector = Annotated[str, AfterValidator(checked)]
+CONTAINERS = PluginTable(
+    "containers",
+    dict.fromkeys(("text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe", "kuka-rsi")),
+)
+Container = Annotated[str, AfterValidator(CONTAINERS.known), Field(examples=list(CONTAINERS.own))]
 
 
 class TimeColumn(Strict):

@@ -128,7 +128,7 @@ def _draw_cell(axes: Axes3D, data: RunData) -> None:
     axes.set_aspect("equal")
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MultipleLocator(0.5))
-    axes.set_title("robot, ball-bar (orange) and the tool's path (blue) on its sphere", y=0.98)
+    axes.set_title("robot, ball-bar, and the tool's path on its sphere", y=0.98)
     axes.view_init(elev=18, azim=-62)
 
 

@@ -41,9 +41,7 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         for name in self.corrections or ():
-            if name not in CORRECTIONS:
-                known = ", ".join(CORRECTIONS)
-                raise ValueError(f"unknown correction {name!r}; there are {known}")
+            CORRECTIONS.known(name, f" correction {name!r}")
 
     @property
     def of_logs(self) -> list[str]:

@@ -19,11 +19,11 @@ from ballbar.cell.geometry import nominal_chain, robot_geometry
 from ballbar.cell.placement import Placement
 from ballbar.cell.poses import PoseTable
 from ballbar.ident.corrections.base import Coefficient, Correction
-from ballbar.ident.corrections.gear_backlash import backlash_of
-from ballbar.ident.corrections.gear_ripple import ripple_of
-from ballbar.ident.corrections.joint_compliance import gear_compliance
+from ballbar.ident.corrections.gear_backlash import gear_backlash
+from ballbar.ident.corrections.gear_ripple import gear_ripple
+from ballbar.ident.corrections.joint_compliance import joint_compliance
 from ballbar.ident.corrections.joint_harmonics import PRIOR, joint_harmonics
-from ballbar.ident.corrections.joint_lag import JOINT_LAG, lag_of
+from ballbar.ident.corrections.joint_lag import JOINT_LAG, joint_lag
 from ballbar.ident.corrections.unit_weights import unit_weights
 from ballbar.ident.cross_validation import cross_validated, robust_covariance
 from ballbar.ident.estimator.build_unknowns import still_unknowns
@@ -128,9 +128,9 @@ def _expected(table: PoseTable) -> list[Correction]:
     robot, out = table.robot, sag(table.robot)
     if not table.moving.any():
         return out
-    out.append(lag_of(robot))
+    out.append(joint_lag(robot))
     if robot.gears is not None:
-        out += [ripple_of(robot), *([] if robot.links is None else [backlash_of(robot)])]
+        out += [gear_ripple(robot), *([] if robot.links is None else [gear_backlash(robot)])]
     return out
 
 
@@ -157,7 +157,7 @@ def _without_unseen_lags(model: Model, fit: Fit) -> Fit:
 def sag(robot: Robot) -> list[Correction]:
     """Unit weights at the frames' origins; elastic gears too where masses and gears are stated."""
     stated = robot.links is not None and robot.gears is not None
-    return [unit_weights(robot), *([gear_compliance(robot)] if stated else [])]
+    return [unit_weights(robot), *([joint_compliance(robot)] if stated else [])]
 
 
 def linearised(fit: Fit) -> LinearModel:

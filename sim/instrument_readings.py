@@ -9,6 +9,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.chain import forward
 from ballbar.cell.instruments.base import Instrument, TrueStand
 from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.sim.errors.base import with_logged_errors
 from ballbar.sim.settings import ErrorSettings
 from ballbar.sim.streams import stream
 from ballbar.sim.true_robot import TrueArm
@@ -97,7 +98,7 @@ def logged_axes(arm: TrueArm, errors: ErrorSettings, q: Array, seed: int) -> Arr
     noise = stream(seed, "pose_joint_noise").standard_normal(q.shape)
     if errors.joint_noise is not None:
         q = q + errors.joint_noise.sigma_rad * noise
-    axes = joints_to_axes(arm.robot, q)
+    axes = joints_to_axes(arm.robot, with_logged_errors(errors, q, seed))
     if errors.rounding is not None:
         step = np.deg2rad(errors.rounding.step_deg)
         axes = np.round(axes / step) * step

@@ -7,17 +7,19 @@ the scenario reference.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.errors import InputError
 from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.plugins import PluginTable
 from ballbar.cell.schema import NotNegative, Positive, Strict
 from ballbar.cell.schema_errors import missing_key, wrong_key
 from ballbar.sim.errors import sensor_errors
+from ballbar.sim.errors.base import ErrorSource
 from ballbar.sim.errors.plant_errors import PlantErrors
 from ballbar.sim.errors.pose_errors import ArmErrors, Drift, InstrumentNoise, Rounding, Unsettled
 from ballbar.sim.errors.sample_errors import SampleErrors
@@ -152,6 +154,19 @@ class ErrorSettings(CellErrors, PlantErrors, ArmErrors, sensor_errors.SensorErro
     drift: Drift | None = None
 
 
+PLUGINS = PluginTable[Any](
+    "error_sources", ErrorSettings.model_fields, lambda kind: issubclass(kind, ErrorSource)
+)
+if not TYPE_CHECKING:
+    ErrorSettings = create_model(
+        "ErrorSettings",
+        __base__=ErrorSettings,
+        __doc__=ErrorSettings.__doc__,
+        __module__=__name__,
+        **{name: (PLUGINS[name] | None, None) for name in PLUGINS.added},
+    )
+
+
 class EncoderSettings(Strict):
     """Encoders of the ball-bar. Their offsets depend on the pose at power-up and are drawn."""
 
@@ -272,15 +287,15 @@ class PosesSettings(Strict):
         return self
 
 
+def _errors(*parts: type[Strict], but: str = "") -> tuple[str, ...]:
+    """Keys of the error sources of some parts, but one."""
+    return tuple(f"errors.{name}" for part in parts for name in part.model_fields if name != but)
+
+
 # Keys that belong to one kind of scenario: each with what it needs (`refuse_keys`).
 OF_BALLBAR = (
     *("encoders", "clocks.overrun_probability", "logs.force_sensor", "logs.ballbar"),
-    *(
-        f"errors.{name}"
-        for name in sensor_errors.SensorErrors.model_fields
-        if name != "resolver_error"
-    ),
-    *(f"errors.{name}" for name in SampleErrors.model_fields),
+    *_errors(sensor_errors.SensorErrors, SampleErrors, but="resolver_error"),
     *("errors.ballbar_axes", "errors.base_tilt", "errors.rod_strain", "errors.rod_backlash"),
     *("errors.bar_friction", "errors.base_compliance", "errors.outliers", "cell.ballbar_set"),
 )
@@ -288,21 +303,14 @@ OF_LENGTH = ("length", *(f"plant.{name}" for name in RodAndWire.model_fields))
 OF_PATH = (
     *("cell.ballbar", "cell.plate", "cell.ballbar_position_m", "cell.ballbar_set"),
     *("encoders", "length", "clocks", "logs", "recording"),
-    *(
-        f"plant.{name}"
-        for name in ("timestep_s", "servo", "gravity_compensation", "typical_spread")
-    ),
-    *(
-        f"errors.{name}"
-        for part in (CellErrors, PlantErrors, sensor_errors.SensorErrors, SampleErrors)
-        for name in part.model_fields
-        if name != "joint_compliance"
-    ),
+    *("plant.timestep_s", "plant.servo", "plant.gravity_compensation", "plant.typical_spread"),
+    *_errors(CellErrors, PlantErrors, but="joint_compliance"),
+    *_errors(sensor_errors.SensorErrors, SampleErrors),
     *("errors.joint_lag", "errors.outliers.robot_probability"),
     *("errors.outliers.ballbar_probability", "errors.outliers.size_rad"),
 )
 OF_POSES = (
-    *(f"errors.{name}" for name in ArmErrors.model_fields),
+    *_errors(ArmErrors),
     *("errors.instrument_noise", "errors.unsettled", "errors.rounding", "errors.drift"),
     *("errors.outliers.share", "errors.outliers.size_m"),
 )

@@ -33,7 +33,7 @@ from ballbar.cell.load import (
 from ballbar.cell.typical_machine import Spread, motor_turns, with_typical
 from ballbar.sim.errors.sensor_effects import ResolverEffects, resolver_effects
 from ballbar.sim.errors.static_errors import true_geometry
-from ballbar.sim.plant.effects import PlantEffects, Ripple, plant_effects
+from ballbar.sim.plant.effects import PlantEffects, Ripple, plant_effects, plugin_ripples
 from ballbar.sim.settings import CellSettings, ErrorSettings, SimulationSettings
 from ballbar.sim.streams import stream
 
@@ -215,4 +215,4 @@ def _harmonics(robot: Robot, errors: ErrorSettings, seed: int) -> tuple[Ripple, 
             Ripple(int(gear), float(order), drawn.amplitude_rad, float(phase))
             for gear, order, phase in zip(gears, orders, phases, strict=True)
         ]
-    return tuple(ripples)
+    return (*ripples, *plugin_ripples(errors, robot.joints, seed))

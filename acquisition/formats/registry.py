@@ -16,10 +16,10 @@ from ballbar.acquisition.table.table import Form, Table, read_table
 from ballbar.cell.dialect import Container, Dialect
 from ballbar.cell.egm_file import FILE_START
 from ballbar.cell.errors import DescriptionError
+from ballbar.cell.plugins import PluginTable
 
 _Reader = Callable[[Path, str, str, Layout], tuple[Table, Form]]
-# Reader of each container, with the type and unit of the times that it gives.
-_READERS: dict[str, tuple[_Reader, str, str]] = {
+_OWN: dict[str, tuple[_Reader, str, str]] = {
     "twincat-scope": (read_scope, "integer", "ns"),
     "json-lines": (read_json_lines, "integer", "us"),
     "egm": (read_egm, "integer", "ns"),
@@ -27,6 +27,8 @@ _READERS: dict[str, tuple[_Reader, str, str]] = {
     "abb-mpe": (read_mpe, "float", "s"),
     "kuka-rsi": (read_rsi, "integer", "ms"),
 }
+# Reader of each container, with the type and unit of the times that it gives.
+CONTAINERS = PluginTable("containers", _OWN, lambda entry: isinstance(entry, tuple))
 
 
 def container_of(raw: bytes) -> Container:
@@ -55,7 +57,7 @@ def read_file(path: Path, file: str, dialect: Dialect, layout: Layout) -> tuple[
     """
     if dialect.container == "text":
         return read_table(path, file, layout)
-    reader, kind, unit = _READERS[dialect.container]
+    reader, kind, unit = CONTAINERS[dialect.container]
     if (dialect.time.type, dialect.time.unit) != (kind, unit):
         raise DescriptionError(
             f"{file}: times of {dialect.container} have type: {kind}, unit: {unit}; the dialect "

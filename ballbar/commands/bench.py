@@ -15,13 +15,14 @@ from rich.markup import escape
 
 from ballbar.cell.errors import InputError
 from ballbar.cell.files import require_writable
+from ballbar.cell.plugins import PluginTable
 from ballbar.commands.options import (
     AsJson,
     Out,
-    Overrides,
     ScenarioFile,
     command,
     command_line,
+    replacing,
     say_json,
 )
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar, silence
@@ -35,6 +36,10 @@ if TYPE_CHECKING:  # each command loads what it shows alone
 CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous integration
 
 commands = typer.Typer()
+SOURCES = ", ".join(f"errors.{name}" for name in PluginTable("error_sources", {}))
+Overrides = Annotated[
+    list[str] | None, replacing(f" Error sources of plug-ins: {SOURCES}." if SOURCES else "")
+]
 
 
 @command(commands)

@@ -14,7 +14,7 @@ from inspect import Parameter, Signature, getdoc, getsource, signature
 from operator import getitem
 from pathlib import Path
 from textwrap import dedent
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 import typer
 from typer.models import ArgumentInfo, OptionInfo
@@ -57,14 +57,15 @@ Out = Annotated[
     Path | None,
     typer.Option("--out", help="Folder for the output; it must hold nothing else.", metavar="DIR"),
 ]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        help="Replace the value of a dotted key of the file, such as seed=2; may be repeated.",
-        metavar="KEY=VALUE",
-    ),
-]
+
+
+def replacing(more: str = "") -> OptionInfo:
+    """The option --set with its help, and more about its keys."""
+    text = "Replace the value of a dotted key of the file, such as seed=2; may be repeated."
+    return cast(OptionInfo, typer.Option("--set", help=text + more, metavar="KEY=VALUE"))
+
+
+Overrides = Annotated[list[str] | None, replacing()]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON in SI units instead of text.")
 ]

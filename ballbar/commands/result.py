@@ -11,10 +11,16 @@ from rich.markup import escape
 from ballbar.cell.errors import InputError
 from ballbar.cell.files import write_new, write_whole
 from ballbar.commands.options import AsJson, ResultFile, command, say_json
-from ballbar.export import Format
 from ballbar.terminal import out, progress_bar
 
 commands = typer.Typer()
+
+
+def _formats() -> list[str]:
+    """Values of --to, for completion."""
+    from ballbar.export.formats import FORMATS
+
+    return list(FORMATS)
 
 
 @command(commands)
@@ -55,7 +61,7 @@ def replay(
 @command(commands)
 def export(
     result: ResultFile,
-    to: Format | None = None,
+    to: Annotated[str | None, typer.Option(autocompletion=_formats)] = None,
     into: Path | None = None,
     joints: str = "",
     file: Path | None = None,
@@ -70,8 +76,9 @@ def export(
     runs/irb2400 --to hayati`, or `ballbar export results/ur10 --into ur10.urdf --out
     ur10-identified.urdf`
 
-    --to : Robot model (urdf, mjcf), table (dh; mdh: Craig's DH; hayati; poe: screw axes), RAPID
-        data (abb), kinematics of ur_description (ur-kinematics), or everything (json).
+    --to FORMAT : Robot model (urdf, mjcf), table (dh; mdh: Craig's DH; hayati; poe: screw axes),
+        RAPID data (abb), kinematics of ur_description (ur-kinematics), everything (json), or the
+        format of a plug-in.
     --into FILE : URDF or xacro of the robot: written again with the identified joint origins, all
         else as it is.
     --joints NAME,NAME : Turning joints of FILE from base to tip, if it has more than the robot.

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
 
-from ballbar.export import Format
+from ballbar.cell.plugins import PluginTable
 from ballbar.export.models import mjcf, urdf
 from ballbar.export.rapid import rapid_module
 from ballbar.export.result import Result
@@ -69,27 +67,31 @@ def json_text(result: Result) -> str:
     return json.dumps(data, indent=2) + "\n"
 
 
-FORMATS: dict[Format, Callable[[Result], str]] = {
-    "urdf": urdf,
-    "mjcf": mjcf,
-    "dh": dh_table,
-    "mdh": modified_dh_table,
-    "hayati": hayati_table,
-    "poe": poe_table,
-    "abb": rapid_module,
-    "ur-kinematics": ur_kinematics,
-    "json": json_text,
-}
+FORMATS = PluginTable(
+    "exports",
+    {
+        "urdf": urdf,
+        "mjcf": mjcf,
+        "dh": dh_table,
+        "mdh": modified_dh_table,
+        "hayati": hayati_table,
+        "poe": poe_table,
+        "abb": rapid_module,
+        "ur-kinematics": ur_kinematics,
+        "json": json_text,
+    },
+)
 
 
-def exported(result: Result, to: Format) -> str:
-    """Text of the robot in a format. Raises InputError where the format cannot hold the robot."""
-    return FORMATS[to](result)
+def exported(result: Result, to: str) -> str:
+    """Text of the robot in a format.
+
+    Raises InputError where there is no such format, or it cannot hold the robot.
+    """
+    return FORMATS[FORMATS.known(to, f" format {to!r}")](result)
 
 
-def export_summary(
-    result: Result, to: Format | Literal["into"], content: bytes, out: Path | None
-) -> dict[str, object]:
+def export_summary(result: Result, to: str, content: bytes, out: Path | None) -> dict[str, object]:
     """JSON of `export`: what was written; without a file it holds the text itself."""
     summary: dict[str, object] = {
         "format": to,

@@ -32,7 +32,7 @@ _UNITS = {
     "s": (1e6, "µs"),
     "s^2": (1e6, "ms²"),
     "1": (1e6, "ppm"),
-}  # SI to what is shown
+}  # SI to what is shown; others, of plug-ins, are shown as they are
 _INVERSE = {"rad/(N m)": "N m/rad", "m/N": "N/m"}
 _CHANNELS = {
     "ripple": "gear ",
@@ -213,7 +213,7 @@ def coefficients_at_prior(robot: RobotEstimate) -> list[CoefficientEstimate]:
 
 def coefficient_text(coefficient: CoefficientEstimate) -> str:
     """Value and sigma with their unit."""
-    factor, unit = _UNITS[coefficient.unit]
+    factor, unit = _UNITS.get(coefficient.unit, (1.0, coefficient.unit))
     value, sigma = (significant(v * factor, 2) for v in (coefficient.value, coefficient.sigma))
     return f"{value} ± {sigma} {unit}"
 
@@ -222,7 +222,7 @@ def _tables(correction: CorrectionEstimate) -> list[CorrectionTable]:
     """One table for each unit."""
     tables = []
     for unit in dict.fromkeys(c.unit for c in correction.coefficients):
-        factor, shown_unit = _UNITS[unit]
+        factor, shown_unit = _UNITS.get(unit, (1.0, unit))
         named = _condensed([c for c in correction.coefficients if c.unit == unit])
         decimals = decimals_for([c.sigma * factor for _, c in named], digits=1)
         rows = [_row(name, c, factor, decimals) for name, c in named]
@@ -246,9 +246,11 @@ def _condensed(
 
 
 def _harmonic_name(base: str) -> str:
-    """`ripple1_40` as `gear 1, 40 a turn`."""
+    """`ripple1_40` as `gear 1, 40 a turn`; another name as it is."""
     channel, _, order = base.partition("_")
     kind = channel.rstrip("0123456789")
+    if kind not in _CHANNELS:
+        return base
     return f"{_CHANNELS[kind]}{channel[len(kind) :]}, {order} a turn"
 
 

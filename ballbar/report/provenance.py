@@ -14,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from ballbar.acquisition.recording import Recording
+from ballbar.cell.plugins import LOADED
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.result.run_data import RunData
 
@@ -68,9 +69,12 @@ def _inputs(data: RunData) -> list[InputFile]:
 
 
 def versions(*, simulated: bool) -> list[tuple[str, str]]:
-    """(package, version) of Python and of what computed the numbers and made the page."""
+    """(package, version) of Python and of what computed the numbers, plug-ins included, and made
+    the page.
+    """
     packages = (*_PACKAGES, _SIMULATOR) if simulated else _PACKAGES
-    return [("python", platform.python_version()), *((name, _version(name)) for name in packages)]
+    own = [("python", platform.python_version()), *((name, _version(name)) for name in packages)]
+    return own + sorted(LOADED.items())
 
 
 def input_files(recording: Recording) -> list[InputFile]:

@@ -28,11 +28,11 @@ from ballbar.cell.schema import Strict
 from ballbar.cell.schema_errors import Loc, missing_key, nearest, wrong_key
 from ballbar.ident.corrections import OF_MACHINE
 from ballbar.ident.corrections.base import Correction
-from ballbar.ident.corrections.gear_backlash import backlash_of
-from ballbar.ident.corrections.gear_ripple import ripple_of
-from ballbar.ident.corrections.joint_compliance import gear_compliance
+from ballbar.ident.corrections.gear_backlash import gear_backlash
+from ballbar.ident.corrections.gear_ripple import gear_ripple
+from ballbar.ident.corrections.joint_compliance import joint_compliance
 from ballbar.ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
-from ballbar.ident.corrections.joint_lag import lag_of
+from ballbar.ident.corrections.joint_lag import joint_lag
 from ballbar.ident.corrections.unit_weights import unit_weights
 from ballbar.ident.estimator.priors import belongs_to_recording, shared_names
 from ballbar.result.machine_entries import (
@@ -67,10 +67,10 @@ LEARNED_HARMONICS: Final = "learned_harmonics"  # joint errors kept from another
 # Corrections of still poses by name, formed again from the names of their coefficients.
 POSE_CORRECTIONS: dict[str, Callable[[Robot, Iterable[str]], Correction]] = {
     "unit_weights": lambda robot, _: unit_weights(robot),
-    "joint_compliance": lambda robot, _: gear_compliance(robot),
-    "gear_backlash": lambda robot, _: backlash_of(robot),
-    "gear_ripple": lambda robot, _: ripple_of(robot),
-    "joint_lag": lambda robot, _: lag_of(robot),
+    "joint_compliance": lambda robot, _: joint_compliance(robot),
+    "gear_backlash": lambda robot, _: gear_backlash(robot),
+    "gear_ripple": lambda robot, _: gear_ripple(robot),
+    "joint_lag": lambda robot, _: joint_lag(robot),
     JOINT_HARMONICS: lambda _, coefficients: joint_harmonics(orders_of(coefficients)),
     LEARNED_HARMONICS: lambda _, coefficients: replace(
         joint_harmonics(orders_of(coefficients)), name=LEARNED_HARMONICS
@@ -143,7 +143,7 @@ class CalibrationFile(Strict):
         valid = POSE_CORRECTIONS if of_poses else OF_MACHINE
         for name in self.corrections:
             if name not in valid:
-                what = "still poses" if of_poses else "results"
+                what = "still poses" if of_poses else "results, or of a plug-in that is installed"
                 hint = nearest(name, valid, noun="name")
                 raise wrong_key("corrections", name, message=f"no correction of {what}.{hint}")
         return self

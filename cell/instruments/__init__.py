@@ -6,25 +6,26 @@ import importlib
 import pkgutil
 from collections.abc import Sequence
 from functools import cache
-from typing import cast
 
 from ballbar.cell.instruments.base import Kind
+from ballbar.cell.plugins import PluginTable
 
 _NO_KINDS = {"base"}  # modules of this folder
 
 
 @cache
 def kinds() -> dict[str, Kind]:
-    """Every kind of instrument by its name.
+    """Every kind of instrument by its name: those of this folder, then those of plug-ins.
 
     Raises ValueError for a chain that two of them have, for a chain tells the kind.
     """
     modules = sorted(m.name for m in pkgutil.iter_modules(__path__) if m.name not in _NO_KINDS)
-    every_kind = [
-        cast(Kind, importlib.import_module(f"{__name__}.{name}").KIND) for name in modules
-    ]
-    refuse_shared_chains(every_kind)
-    return {kind.name: kind for kind in every_kind}
+    own: list[Kind] = [importlib.import_module(f"{__name__}.{name}").KIND for name in modules]
+    table = PluginTable(
+        "instruments", {kind.name: kind for kind in own}, lambda kind: isinstance(kind, Kind)
+    )
+    refuse_shared_chains([*table.values()])
+    return dict(table)
 
 
 def refuse_shared_chains(every_kind: Sequence[Kind]) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import zip_longest
 
 from ballbar.cell.descriptions import Cell, Key, Robot
 from ballbar.cell.errors import InputError
-from ballbar.ident.corrections.base import Correction, Maker
+from ballbar.cell.plugins import PluginTable
+from ballbar.ident.corrections.base import Correction, Maker, of_robot
 from ballbar.ident.corrections.bearing_tilt import bearing_tilt
 from ballbar.ident.corrections.encoder_harmonics import encoder_harmonics
 from ballbar.ident.corrections.gear_backlash import gear_backlash
@@ -27,23 +30,25 @@ from ballbar.ident.corrections.typical_gears import (
     typical_compliance,
     typical_friction,
 )
-from ballbar.ident.corrections.unit_weights import unit_weights_of_cell
+from ballbar.ident.corrections.unit_weights import unit_weights
 
-CORRECTIONS: dict[str, Maker] = {
-    "joint_compliance": joint_compliance,
-    "gear_backlash": gear_backlash,
-    "gear_ripple": gear_ripple,
+OWN: dict[str, Maker] = {
+    "joint_compliance": of_robot(joint_compliance),
+    "gear_backlash": of_robot(gear_backlash),
+    "gear_ripple": of_robot(gear_ripple),
     "encoder_harmonics": encoder_harmonics,
     "rod_strain": rod_strain,
     "plate_bending": plate_bending,
-    "unit_weights": unit_weights_of_cell,
+    "unit_weights": of_robot(unit_weights),
     "typical_compliance": typical_compliance,
     "typical_backlash": typical_backlash,
     "typical_friction": typical_friction,
     "bearing_tilt": bearing_tilt,
-    "joint_lag": joint_lag,
+    "joint_lag": of_robot(joint_lag),
     GEAR_RATIO: gear_ratio,
 }
+# With those of plug-ins, which a fit has where they are named.
+CORRECTIONS = PluginTable("corrections", OWN)
 
 # What holds for single recordings, by cell and number of recordings.
 OF_RECORDINGS: dict[str, Callable[[Cell, int], Correction]] = {
@@ -84,7 +89,7 @@ def supported_corrections(robot: Robot, *, rod_sensed: bool = False) -> list[str
     without = corrections_without_data(robot)
     return [
         name
-        for name in CORRECTIONS
+        for name in OWN
         if name not in without
         and name not in ON_EVIDENCE
         and (name not in SUBSTITUTES or SUBSTITUTES[name] in without)
@@ -110,7 +115,8 @@ def correction_named(
 ) -> Correction:
     """A correction for a cell.
 
-    Raises InputError if the robot's file lacks what it needs, or the cell has no rigid rod.
+    Raises InputError if the robot's file lacks what it needs, the cell has no rigid rod, or a
+    plug-in makes one of another name.
     """
     for key in REQUIRED.get(name, ()):
         cell.robot.required(key)
@@ -120,12 +126,18 @@ def correction_named(
             "measures a length. Leave it out."
         )
     if name in OF_RECORDINGS:
-        return OF_RECORDINGS[name](cell, recordings)
-    return CORRECTIONS[name](cell, encoders)
+        made = OF_RECORDINGS[name](cell, recordings)
+    else:
+        made = CORRECTIONS[name](cell, encoders)
+    if made.name != name:
+        raise InputError(f"plug-in {name}: its correction calls itself {made.name}. Rename it.")
+    return replace(made, made_by=partial(correction_named, name, cell, encoders, recordings))
 
 
 # The machine's, which results keep: slips and remounted tools are a recording's.
-OF_MACHINE = (*CORRECTIONS, JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION)
+OF_MACHINE = PluginTable(
+    "corrections", dict.fromkeys((*OWN, JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION))
+)
 
 
 def belongs_to_machine(correction: Correction) -> bool:

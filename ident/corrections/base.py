@@ -99,7 +99,7 @@ def sign_slope(load: Array, width: Array | float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """One error source; to be pickled, its maker is a `remade` one."""
+    """One error source; to be pickled it is formed by name, or by a maker that is `remade`."""
 
     name: str
     sentence: str
@@ -127,3 +127,8 @@ def remade(maker: Callable[P, Correction]) -> Callable[P, Correction]:
 
 
 Maker = Callable[[Cell, tuple[int, ...]], Correction]
+
+
+def of_robot(maker: Callable[[Robot], Correction]) -> Maker:
+    """The maker for a cell of a correction that needs the robot alone."""
+    return lambda cell, _: maker(cell.robot)

@@ -13,7 +13,7 @@ import numpy as np
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import Parameter
-from ballbar.ident.corrections.base import Coefficient, Correction, State, remade
+from ballbar.ident.corrections.base import Coefficient, Correction, State
 from ballbar.ident.loads.gear_loads import BEARINGS
 
 # [rad/(N m)] moment rigidity of 1e7 N m/rad, a cross-roller bearing of 0.3 m (catalogues of such
@@ -23,7 +23,6 @@ PARALLEL = 0.9  # sine of a twist from which y of a joint's frame counts as para
 AXES = (("x", "alpha"), ("y", "beta"))
 
 
-@remade
 def bearing_tilt(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Compliances [rad/(N m)] about x and y of the first joints."""
     axes = [

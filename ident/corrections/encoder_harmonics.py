@@ -9,7 +9,7 @@ import numpy as np
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell
-from ballbar.ident.corrections.base import BAR, Coefficient, Correction, State, remade
+from ballbar.ident.corrections.base import BAR, Coefficient, Correction, State
 
 # [rad] of 1, 2, 3 cycles a turn; the first is that of the mounting, 3.0e-4, and of the graduation,
 # 6.0e-5, together (notes/plant, encoder_error_model).
@@ -17,7 +17,6 @@ AMPLITUDES = (3.1e-4, 2.5e-5, 8.0e-6)
 WAVES = {"sin": np.sin, "cos": np.cos}
 
 
-@remade
 def encoder_harmonics(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Sine and cosine amplitudes [rad] of each encoder.
 

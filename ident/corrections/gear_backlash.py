@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from ballbar.cell.arrays import Array
-from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.descriptions import Robot
 from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade, sign_slope
 
 SPREAD = 1.0  # of the catalogue's lost motion: it grows with wear, and a new gear may have none
 
 
 @remade
-def gear_backlash(cell: Cell, encoders: tuple[int, ...]) -> Correction:
+def gear_backlash(robot: Robot) -> Correction:
     """Half the width of each gear's dead band [rad]."""
-    return backlash_of(cell.robot)
-
-
-@remade
-def backlash_of(robot: Robot) -> Correction:
-    """The same correction from the robot alone, for any instrument."""
 
     def slopes(state: State) -> list[Array]:
         width = state.width[:, None] / state.sharpness

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ballbar.cell.arrays import Array
-from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.descriptions import Robot
 from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn (notes/plant, motor_position_sensor)
@@ -30,14 +30,8 @@ def harmonic_orders(robot: Robot) -> list[tuple[int, float, float]]:
 
 
 @remade
-def gear_ripple(cell: Cell, encoders: tuple[int, ...]) -> Correction:
+def gear_ripple(robot: Robot) -> Correction:
     """Sine and cosine amplitudes [rad] of every harmonic, at the gears' outputs."""
-    return ripple_of(cell.robot)
-
-
-@remade
-def ripple_of(robot: Robot) -> Correction:
-    """The same correction from the robot alone, for any instrument."""
     terms = [(*order, wave) for order in harmonic_orders(robot) for wave in WAVES]
 
     def regressors(state: State) -> list[Array]:

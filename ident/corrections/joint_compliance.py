@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.descriptions import Robot
 from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, remade
 
 # Of the catalogue compliance: gears of one class differ by a factor of 1.7 (notes/plant,
@@ -13,14 +13,8 @@ SPREAD = 0.5
 
 
 @remade
-def joint_compliance(cell: Cell, encoders: tuple[int, ...]) -> Correction:
+def joint_compliance(robot: Robot) -> Correction:
     """One compliance a gear [rad/(N m)]."""
-    return gear_compliance(cell.robot)
-
-
-@remade
-def gear_compliance(robot: Robot) -> Correction:
-    """The same correction from the robot alone, for any instrument."""
     return Correction(
         "joint_compliance",
         "elastic gears",

@@ -8,7 +8,7 @@ every gear.
 from __future__ import annotations
 
 from ballbar.cell.arrays import Array
-from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.descriptions import Robot
 from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 JOINT_LAG = "joint_lag"
@@ -17,14 +17,8 @@ SECOND_ORDER = 5e-5  # [s^2] of two filters of 10 ms; assumed
 
 
 @remade
-def joint_lag(cell: Cell, encoders: tuple[int, ...]) -> Correction:
+def joint_lag(robot: Robot) -> Correction:
     """Lags [s] of gears 2 to J after the first, and second-order terms [s^2] of all gears."""
-    return lag_of(cell.robot)
-
-
-@remade
-def lag_of(robot: Robot) -> Correction:
-    """The same correction from the robot alone, for any instrument."""
     joints = robot.joints
     lags = [Coefficient(f"lag{i + 1}", "s", 0.0, LAG, GEAR + i) for i in range(1, joints)]
     seconds = [

@@ -11,14 +11,13 @@ import numpy as np
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import nominal_geometry, parameter_table
-from ballbar.ident.corrections.base import Coefficient, Correction, State, remade
+from ballbar.ident.corrections.base import Coefficient, Correction, State
 
 SPREAD = 4e-5  # [m] of each coefficient: 0.7 m of aluminium that warms by 2.5 K
 LONG = 0.3  # [m] a link from which its growth counts
 UNIT = 100.0  # [s] of time in the coefficients
 
 
-@remade
 def link_growth(cell: Cell, recordings: int) -> Correction:
     """Growth [m] of the long links, per `UNIT` of time and its square; later recordings' starts."""
     nominal, table = nominal_geometry(cell, np.zeros(3)), parameter_table(cell.robot)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from ballbar.cell.descriptions import Cell
-from ballbar.ident.corrections.base import PLATE, Coefficient, Correction, remade
+from ballbar.ident.corrections.base import PLATE, Coefficient, Correction
 
 SPREAD = 1.0  # of the catalogue compliance, which leaves out the bolted joint
 
 
-@remade
 def plate_bending(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Compliance of the hinge [rad/(N m)]."""
     compliance = 1.0 / (cell.plate.tip_stiffness * (2.0 / 3.0 * cell.plate.length) ** 2)

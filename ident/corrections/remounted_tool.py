@@ -10,7 +10,7 @@ import numpy as np
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import parameter_named
-from ballbar.ident.corrections.base import Coefficient, Correction, State, remade
+from ballbar.ident.corrections.base import Coefficient, Correction, State
 
 # clearance holes, a face that was wiped (notes/identification sec. 7); a dowel pin leaves a fifth
 SHIFT, TURN = 1e-4, 2.5e-4  # [m], [rad]
@@ -18,7 +18,6 @@ SHIFT, TURN = 1e-4, 2.5e-4  # [m], [rad]
 KINDS = ("a", "d", "alpha", "theta", "beta")
 
 
-@remade
 def remounted_tool(cell: Cell, recordings: int) -> Correction:
     """Changes [m, rad] of the last row from the first recording to each later one."""
     row = [parameter_named(f"r{kind}{cell.robot.joints}") for kind in KINDS]

@@ -10,19 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from ballbar.cell.descriptions import Cell
-from ballbar.ident.corrections.base import (
-    ROD,
-    TENSION_WIDTH,
-    Coefficient,
-    Correction,
-    remade,
-    sign_slope,
-)
+from ballbar.ident.corrections.base import ROD, TENSION_WIDTH, Coefficient, Correction, sign_slope
 
 SPREAD = 0.7  # of the catalogue compliance: a base as stiff as 5e7 N/m adds half of it
 
 
-@remade
 def rod_strain(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Compliance [m/N] along the rod and half the width of its backlash [m]."""
     compliance, half = 1.0 / cell.ballbar.axial_stiffness, 0.5 * cell.ballbar.backlash

@@ -13,9 +13,9 @@ from dataclasses import replace
 
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.typical_machine import with_typical
-from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, remade
+from ballbar.ident.corrections.base import GEAR, Coefficient, Correction
 from ballbar.ident.corrections.gear_backlash import gear_backlash
-from ballbar.ident.corrections.joint_compliance import gear_compliance
+from ballbar.ident.corrections.joint_compliance import joint_compliance
 
 # Of the typical compliance: stiffness and mass of published robots vary by a factor of 1.8, one
 # standard deviation. A wider prior leaves the scale of the tension open, and with it the flank of
@@ -23,28 +23,24 @@ from ballbar.ident.corrections.joint_compliance import gear_compliance
 SPREAD = 0.8
 
 
-@remade
 def typical_compliance(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """One compliance a gear [rad/(N m)], under typical loads."""
-    made = _named(gear_compliance(with_typical(cell.robot)[0]), "typical_compliance")
+    made = _named(joint_compliance(with_typical(cell.robot)[0]), "typical_compliance")
     wide = tuple(replace(c, sigma=SPREAD * c.mean) for c in made.coefficients)
     return replace(made, coefficients=wide)
 
 
-@remade
 def typical_backlash(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Half the width of each gear's dead band [rad], on the flank of typical loads."""
-    typical = replace(cell, robot=with_typical(cell.robot)[0])
-    return _named(gear_backlash(typical, encoders), "typical_backlash")
+    return _named(gear_backlash(with_typical(cell.robot)[0]), "typical_backlash")
 
 
-@remade
 def typical_friction(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Yield [rad] of each gear to the Coulomb friction of one joint of the ball-bar.
 
     It is of one size in all of them: 0.05 N m turn the wrist of an arm of 3 kg by 0.05 mrad.
     """
-    torque, gears = cell.ballbar.friction_torque, gear_compliance(with_typical(cell.robot)[0])
+    torque, gears = cell.ballbar.friction_torque, joint_compliance(with_typical(cell.robot)[0])
     yielding = [(i, torque * c.mean) for i, c in enumerate(gears.coefficients)]
     each = [Coefficient(f"typical_friction{i + 1}", "rad", s, s, GEAR + i) for i, s in yielding]
     name, sentence = "typical_friction", "friction of the ball-bar"
@@ -54,4 +50,4 @@ def typical_friction(cell: Cell, encoders: tuple[int, ...]) -> Correction:
 def _named(made: Correction, name: str) -> Correction:
     """A correction of that name, whose coefficients have names of their own."""
     coefficients = tuple(replace(c, name=f"typical_{c.name}") for c in made.coefficients)
-    return replace(made, name=name, coefficients=coefficients)
+    return replace(made, name=name, coefficients=coefficients, made_by=None)

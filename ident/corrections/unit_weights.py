@@ -12,7 +12,7 @@ import numpy as np
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.chain import Frames, cross, forward
-from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.descriptions import Robot
 from ballbar.cell.geometry import nominal_chain
 from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
@@ -41,12 +41,6 @@ def unit_weights(robot: Robot) -> Correction:
         Coefficient(f"weight{k + 1}_joint{j + 1}", "rad/m", 0.0, PRIOR, GEAR + j) for j, k in pairs
     )
     return Correction("unit_weights", "sag under unknown weights", coefficients, regressors)
-
-
-@remade
-def unit_weights_of_cell(cell: Cell, encoders: tuple[int, ...]) -> Correction:
-    """The unit weights of a cell's robot."""
-    return unit_weights(cell.robot)
 
 
 def torques(frames: Frames, down: Array) -> Array:

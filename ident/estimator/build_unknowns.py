@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 from ballbar.cell.clock import Clock
 from ballbar.cell.descriptions import Cell, Robot
+from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import (
     Geometry,
     Parameter,
@@ -241,6 +242,8 @@ class _Builder:
         coefficients = self.block(
             [c.name for c in every], [c.mean for c in every], [c.sigma for c in every]
         )
+        if twice := [n for i, n in enumerate(self.names) if n in self.names[:i]]:
+            raise InputError(f"corrections: two coefficients are called {twice[0]}. Rename one.")
         return np.array([nominal.table.index[name] for name in priors]), coefficients
 
     def numbered(self, name: str, count: int, sigma: float, tail: str) -> slice | None:

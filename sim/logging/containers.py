@@ -139,18 +139,15 @@ def double(field: int, value: float) -> bytes:
     return varint(field << 3 | 1) + struct.pack("<d", value)
 
 
-ENCODERS: dict[Container, Encoder] = {
-    "json-lines": json_lines,
-    "kuka-rsi": kuka_rsi,
-    "abb-mpe": abb_mpe,
-    "egm": egm,
-    "rosbag": rosbag,
+ENCODERS: dict[Container, tuple[Encoder, str]] = {  # with the suffix of their files
+    "json-lines": (json_lines, ".jsonl"),
+    "kuka-rsi": (kuka_rsi, ".xml"),
+    "abb-mpe": (abb_mpe, ".bin"),
+    "egm": (egm, ".egm"),
+    "rosbag": (rosbag, ".db3"),
 }
-SUFFIXES: dict[Container, str] = {
-    "text": ".csv",
-    "json-lines": ".jsonl",
-    "kuka-rsi": ".xml",
-    "abb-mpe": ".bin",
-    "egm": ".egm",
-    "rosbag": ".db3",
-}
+
+
+def robot_log_name(container: Container) -> str:
+    """File of a robot's log in a recording."""
+    return f"raw/robot{ENCODERS[container][1] if container in ENCODERS else '.csv'}"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Robot
 from ballbar.cell.robot_angles import joints_to_motors
+from ballbar.sim.errors.base import with_logged_errors
 from ballbar.sim.errors.sensor_effects import EncoderEffects, ResolverEffects
 from ballbar.sim.errors.sensor_errors import JointLag, SignalNoise
 from ballbar.sim.motion import Motion
@@ -103,7 +104,8 @@ def motor_angles(
 ) -> Array:
     """(N, J) [rad] motor angles that the robot logs at joint angles q (N, J) [rad]."""
     sigma = errors.joint_noise.sigma_rad if errors.joint_noise else 0.0
-    logged = q + stream(seed, "joint_noise").normal(0.0, sigma, q.shape)
+    logged = with_logged_errors(errors, q, seed)
+    logged = logged + stream(seed, "joint_noise").normal(0.0, sigma, q.shape)
     if errors.outliers:
         logged += errors.outliers.on_robot(len(q), q.shape[1], seed)
     motors = joints_to_motors(robot, logged)

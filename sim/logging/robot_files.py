@@ -16,7 +16,7 @@ from ballbar.cell.dialect import Dialect, load_dialect
 from ballbar.cell.errors import InputError
 from ballbar.cell.files import write_whole
 from ballbar.cell.robot_angles import gear_to_axis_torques, joints_to_axes, motors_to_joints
-from ballbar.sim.logging.containers import ENCODERS, SUFFIXES
+from ballbar.sim.logging.containers import ENCODERS, robot_log_name
 from ballbar.sim.logging.load_logs import DeviceLogs
 
 _TICKS = {"s": 1, "ms": 10**3, "us": 10**6, "100ns": 10**7, "ns": 10**9}  # a second
@@ -47,7 +47,7 @@ def robot_period(logs: DeviceLogs, robot: Robot) -> float:
 def robot_source(logs: DeviceLogs, robot: Robot) -> dict[str, object]:
     """`sources.robot` of recording.yaml."""
     name, dialect = robot_dialect(logs, robot)
-    return {"files": [f"raw/robot{SUFFIXES[dialect.container]}"], "dialect": name}
+    return {"files": [robot_log_name(dialect.container)], "dialect": name}
 
 
 def write_robot_log(
@@ -64,7 +64,7 @@ def write_robot_log(
         motors, if they are logged.
     """
     _, dialect = robot_dialect(logs, robot)
-    path = folder / "raw" / f"robot{SUFFIXES[dialect.container]}"
+    path = folder / robot_log_name(dialect.container)
     angles = logged_angles(dialect, robot, motors)
     if torques is not None:
         torques = logged_torques(dialect, robot, torques)
@@ -75,7 +75,7 @@ def write_robot_log(
     if torques is not None:
         names, values = (*names, *dialect.torque_columns), np.hstack((angles, torques))
     times = stamps if dialect.time.type == "float" else _ticks(dialect, stamps)
-    write_whole(path, ENCODERS[dialect.container](names, times, values))
+    write_whole(path, ENCODERS[dialect.container][0](names, times, values))
 
 
 def logged_torques(dialect: Dialect, robot: Robot, torques: Array) -> Array:

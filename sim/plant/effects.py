@@ -15,6 +15,8 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell, Link, Robot, ServoGains
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import Geometry
+from ballbar.cell.schema import Strict
+from ballbar.sim.errors.base import sources_of
 from ballbar.sim.errors.plant_errors import PlantErrors, ThermalGrowth
 from ballbar.sim.streams import stream
 
@@ -264,12 +266,19 @@ def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
             orders = sorted(set(UNLISTED_ORDERS) - {order for order, _ in harmonics})
             order, phase = float(rng.choice(orders)), float(rng.uniform(0.0, 2.0 * np.pi))
             ripples.append(Ripple(gear, order, unlisted.amplitude_rad, phase))
+    ripples += plugin_ripples(errors, joints, seed)
     sums: dict[tuple[int, float], complex] = {}
     for r in ripples:
         sums[r.gear, r.order] = sums.get((r.gear, r.order), 0j) + r.amplitude * np.exp(1j * r.phase)
     return tuple(
         Ripple(gear, order, abs(z), float(np.angle(z))) for (gear, order), z in sums.items()
     )
+
+
+def plugin_ripples(errors: Strict, joints: int, seed: int) -> list[Ripple]:
+    """Harmonics that the error sources of plug-ins add; joints : of the robot."""
+    sources = sources_of(errors)
+    return [Ripple(*r) for n, s in sources for r in s.ripples(joints, stream(seed, n))]
 
 
 def _bodies(cell: Cell) -> list[Link]:

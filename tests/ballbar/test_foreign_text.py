@@ -107,7 +107,7 @@ def test_no_title_adds_code_to_a_program(cell: Cell, made: Result, text: str) ->
             assert code(programs[0], mark) == code(programs[1], mark)
     results = [replace(made, cell=c, file=Path(c.robot.title)) for c in (plain, evil)]
     for kind, mark in (("abb", "!"), ("dh", "#"), ("mdh", "#"), ("hayati", "#"), ("poe", "#")):
-        texts = [FORMATS[kind](result) for result in results]  # type: ignore[index]
+        texts = [FORMATS[kind](result) for result in results]
         assert code(texts[0], mark) == code(texts[1], mark)
 
 

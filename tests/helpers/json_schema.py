@@ -27,7 +27,7 @@ _SIZES: dict[str, tuple[type, Callable[[int, int], bool]]] = {
     "minLength": (str, lambda n, limit: n >= limit),
     "maxLength": (str, lambda n, limit: n <= limit),
 }
-_NOTES = {"$schema", "$defs", "title", "description", "default", "discriminator"}
+_NOTES = {"$schema", "$defs", "title", "description", "default", "discriminator", "examples"}
 _OF_OTHERS = {"prefixItems", "additionalProperties"}  # looked at with items and properties
 
 

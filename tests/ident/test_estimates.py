@@ -10,7 +10,7 @@ import pytest
 
 from ballbar.cell.geometry import parameter_named
 from ballbar.cell.load import load_robot
-from ballbar.ident.corrections.joint_compliance import gear_compliance
+from ballbar.ident.corrections.joint_compliance import joint_compliance
 from ballbar.ident.estimates import pulled
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.priors import LENGTH_PRIOR
@@ -58,7 +58,7 @@ def test_gears_without_a_fitted_compliance_are_as_the_catalogue_has_them() -> No
 
 @pytest.mark.parametrize("factor", [0.8, 2.0])
 def test_softness_is_the_mean_factor_over_the_gears(factor: float) -> None:
-    correction = gear_compliance(load_robot("irb2400"))
+    correction = joint_compliance(load_robot("irb2400"))
     means = np.array([c.mean for c in correction.coefficients])
     spread = np.resize([1.5, 1.0 / 1.5], means.size)
     layout = SimpleNamespace(coefficients=slice(0, means.size))

@@ -130,7 +130,7 @@ def test_candidates_are_columns_of_the_fit_and_blocks_are_numbered_over_all_reco
         fit_recording(CELL, minute_logs(joint_error=(JOINT, ORDER, SIZE), seed=seed), OPTIONS)
         for seed in (1, 2)
     ]
-    chosen = [joint_compliance(CELL, ()), joint_harmonics([(JOINT, ORDER)])]
+    chosen = [joint_compliance(CELL.robot), joint_harmonics([(JOINT, ORDER)])]
     pose = posed(CELL, recordings, chosen, OPTIONS)
     model = linearised(fit := fit_pose(pose, FIRST_EXCESS))
     column = model.jacobian[fit.model.unknowns.names.index("joint2_17_cos")]

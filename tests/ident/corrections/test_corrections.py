@@ -11,7 +11,7 @@ import pytest
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.geometry import Parameter
-from ballbar.ident.corrections import CORRECTIONS
+from ballbar.ident.corrections import CORRECTIONS, correction_named
 from ballbar.ident.corrections.base import (
     BACKLASH_SHARE,
     BAR,
@@ -67,7 +67,7 @@ def state() -> State:
 
 @pytest.fixture(params=CORRECTIONS)
 def correction(request: pytest.FixtureRequest) -> Correction:
-    return CORRECTIONS[request.param](CELL, ENCODERS)
+    return correction_named(request.param, CELL, ENCODERS)
 
 
 def regressors(correction: Correction, state: State) -> Array:
@@ -126,7 +126,7 @@ def test_slopes_are_central_differences_of_the_regressors_with_the_tension(
 
 
 def test_an_elastic_gear_lags_by_its_load(state: State) -> None:
-    correction = joint_compliance(CELL, ENCODERS)
+    correction = joint_compliance(CELL.robot)
     load = state.loads.gear + state.loads.gear_per_newton * state.tension
     assert np.array_equal(regressors(correction, state), -load)
     assert [c.channel for c in correction.coefficients] == list(range(GEAR, GEAR + 6))
@@ -136,7 +136,7 @@ def test_an_elastic_gear_lags_by_its_load(state: State) -> None:
 
 
 def test_a_gear_with_backlash_lies_on_the_flank_against_its_load(state: State) -> None:
-    correction = gear_backlash(CELL, ENCODERS)
+    correction = gear_backlash(CELL.robot)
     load = state.loads.gears(state.tension)
     flank = regressors(correction, state)
     assert (np.sign(flank) == -np.sign(load)).all()
@@ -151,12 +151,12 @@ def test_a_gear_with_backlash_lies_on_the_flank_against_its_load(state: State) -
 def test_flanks_that_are_known_are_taken_as_they_are(state: State) -> None:
     known = np.where(np.random.default_rng(72).random((6, N)) < 0.5, -1.0, 1.0)
     held = replace(state, flanks=known)
-    assert np.array_equal(regressors(gear_backlash(CELL, ENCODERS), held), -known)
+    assert np.array_equal(regressors(gear_backlash(CELL.robot), held), -known)
     assert np.array_equal(held.load_sign(), known)
 
 
 def test_ripple_has_the_orders_of_the_file_and_two_of_each_motors_turn(state: State) -> None:
-    correction, orders = gear_ripple(CELL, ENCODERS), harmonic_orders(CELL.robot)
+    correction, orders = gear_ripple(CELL.robot), harmonic_orders(CELL.robot)
     values = regressors(correction, state)
     assert len(correction.coefficients) == 2 * len(orders)
     for k, (gear, order, size) in enumerate(orders):

@@ -67,7 +67,7 @@ def test_a_bearing_tilts_against_its_moment_but_for_what_a_gear_holds() -> None:
 
 
 def test_lags_are_relative_to_the_first_gear() -> None:
-    values = signals(joint_lag(CELL, ()))
+    values = signals(joint_lag(CELL.robot))
     assert "lag1" not in values
     assert np.array_equal(values["lag4"], STATE.gear_speed[3])
     assert np.array_equal(values["lag_order2_1"], STATE.gear_acceleration[0])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ballbar.cell.load import load_robot
+from ballbar.ident.corrections import correction_named
 from ballbar.ident.corrections.gear_backlash import gear_backlash
 from ballbar.ident.corrections.joint_compliance import joint_compliance
 from ballbar.ident.corrections.typical_gears import (
@@ -25,8 +26,8 @@ def test_published_gears_lie_within_the_priors_of_a_robot_of_their_size(name: st
     gears = robot.required("gears")
     silent = replace(CELL, robot=replace(robot, links=None, gears=None, servo=None, armature=None))
     for made, published in (
-        (typical_compliance(silent, ()), 1.0 / gears.stiffness),
-        (typical_backlash(silent, ()), 0.5 * gears.lost_motion),
+        (correction_named("typical_compliance", silent, ()), 1.0 / gears.stiffness),
+        (correction_named("typical_backlash", silent, ()), 0.5 * gears.lost_motion),
     ):
         means, sigmas = np.array([(c.mean, c.sigma) for c in made.coefficients]).T
         assert means.shape == published.shape
@@ -40,8 +41,8 @@ def test_published_gears_lie_within_the_priors_of_a_robot_of_their_size(name: st
 def test_their_coefficients_are_not_taken_for_those_of_a_file() -> None:
     """A complete robot gives the same gears and values, under names of their own."""
     for typical, stated in (
-        (typical_compliance(CELL, ()), joint_compliance(CELL, ())),
-        (typical_backlash(CELL, ()), gear_backlash(CELL, ())),
+        (typical_compliance(CELL, ()), joint_compliance(CELL.robot)),
+        (typical_backlash(CELL, ()), gear_backlash(CELL.robot)),
     ):
         own, other = typical.coefficients, stated.coefficients
         assert [c.name for c in own] == [f"typical_{c.name}" for c in other]

@@ -85,7 +85,7 @@ def test_geometry_alone_puts_the_tool_where_mujoco_puts_that_of_the_exported_mod
 
 def compliant(cell: Cell, nominal: Geometry, payload: Payload) -> IdentifiedKinematics:
     """A robot of which nothing but the catalogue's gear compliance is known."""
-    made = joint_compliance(cell, (1, 2, 4, 5))
+    made = joint_compliance(cell.robot)
     values = np.array([c.mean for c in made.coefficients])
     robot = IdentifiedRobot(cell, nominal, (made,), values)
     return kinematics(robot, nominal.robot, payload=payload)
@@ -202,7 +202,7 @@ def drawn_covariance(cell: Cell, nominal: Geometry, seed: int) -> ToolCovariance
     """All parameters of the robot, its gears and two directions of masses, all correlated."""
     rng = np.random.default_rng(seed)
     names = [p.name for p in nominal.table.parameters if p.side == "robot"]
-    gears = joint_compliance(cell, (1, 2, 4, 5)).coefficients
+    gears = joint_compliance(cell.robot).coefficients
     size = np.array([1e-5] * len(names) + [0.02 * c.mean for c in gears] + [1.0, 1.0])
     root = 0.3 * rng.standard_normal((size.size, size.size)) + np.eye(size.size)
     masses = 2e-3 * rng.standard_normal((2, 28))
@@ -214,7 +214,7 @@ class Aligned:
     """Robots that differ by a change of the unknowns, bases aligned over the accuracy grid."""
 
     def __init__(self, cell: Cell, nominal: Geometry) -> None:
-        made = joint_compliance(cell, (1, 2, 4, 5))
+        made = joint_compliance(cell.robot)
         values = np.array([c.mean for c in made.coefficients])
         self.nominal, self.covariance = nominal, drawn_covariance(cell, nominal, 4)
         self.robot = IdentifiedRobot(

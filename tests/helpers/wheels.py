@@ -1,0 +1,84 @@
+"""Wheels, built without a download and installed outside the tree."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+from ballbar import PACKAGES
+from tests.helpers.source_imports import ROOT
+
+SHIPPED = (*PACKAGES, "scenarios")
+OFFLINE = ("--no-index", "--disable-pip-version-check")
+
+
+def run(*command: object, cwd: Path) -> str:
+    """Standard output of a command that sees nothing of the source tree. Fails with its errors."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    done = subprocess.run(
+        list(map(str, command)),
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def copied(folder: Path) -> Path:
+    """The source tree as git makes it: setuptools leaves its build folder beside the sources."""
+    for name in SHIPPED:
+        shutil.copytree(
+            ROOT / name, folder / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, folder)
+    return folder
+
+
+def built(source: Path) -> Path:
+    """The wheel of a tree or of a source distribution.
+
+    Without build isolation nothing is downloaded; setuptools is a requirement of the tests.
+    """
+    options = ("--no-deps", "--no-build-isolation", *OFFLINE)
+    run(sys.executable, "-m", "pip", "wheel", source, "-w", "dist", *options, cwd=source.parent)
+    (made,) = (source.parent / "dist").glob("ballbar_bench-*.whl")
+    return made
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built from the source distribution."""
+    tree = copied(tmp_path_factory.mktemp("wheel") / "tree")
+    program = "from setuptools.build_meta import build_sdist; print(build_sdist('..'))"
+    name = run(sys.executable, "-c", program, cwd=tree).splitlines()[-1]
+    return built(tree.parent / name)
+
+
+@pytest.fixture(scope="module")
+def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Interpreter of a fresh environment that holds the wheel alone.
+
+    The dependencies are those of this environment, by a .pth file with its site-packages: this is
+    quick and needs no network. The .pth files within a folder that a .pth file names are not read,
+    so an editable install there, which would lead to the source tree, has no effect;
+    --system-site-packages would give it one.
+    """
+    folder = tmp_path_factory.mktemp("alone")
+    venv.create(folder, with_pip=False)
+    interpreter = folder / "bin" / "python"
+    pip = (sys.executable, "-m", "pip", "--python", interpreter)
+    run(*pip, "install", "--no-deps", *OFFLINE, wheel, cwd=folder)
+    packages = [entry for entry in sys.path if entry.endswith("site-packages")]
+    (own,) = folder.glob("lib/python*/site-packages")
+    (own / "dependencies.pth").write_text("\n".join(packages) + "\n")
+    return interpreter
