@@ -138,7 +138,8 @@ EDITED: dict[str, tuple[Callable[[Data], Any], str]] = {
     ),
     "correction unknown": (
         lambda d: d["corrections"].update(magic={"x": COEFFICIENT.copy()}),
-        "corrections.magic: no correction of results, or of a plug-in that is installed. Valid names: bearing_tilt, ",
+        "corrections.magic: no correction of results, or of a plug-in that is installed. "
+        "Valid names: bearing_tilt, ",
     ),
     "coefficient without covariance": (
         lambda d: d["corrections"].update(rod_strain={"strain": COEFFICIENT.copy()}),
