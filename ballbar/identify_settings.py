@@ -46,13 +46,13 @@ class IdentifySettings(Strict):
     samples: Annotated[int, Field(ge=50, le=100_000)] = 1500
     """Instants of the fit at most; of device logs none are closer than they are smoothed."""
     parameters: ParameterSet = "core"
-    """Of a thesis cost: encoder offsets, origin, robot and rod, or all of thesis sec. 3.3."""
+    """With a thesis cost: encoder offsets, origin, robot and rod, or all of thesis sec. 3.3."""
     relative_stop: Annotated[float, Field(gt=0.0, le=1e-2)] = PRINTED_STOP
     """Relative decrease of a printed scalar's cost, or size of its step, at which to end; not
     printed in the thesis.
     """
     smoothing: Smoothing = "none"
-    """Of a thesis cost on files: none, a moving average of 100 ms (thesis sec. 5.2), or the splines
+    """With a thesis cost on files: none, a moving average of 100 ms (thesis sec. 5.2), or the splines
     of ml.
     """
     pairing: Pairing = "fit"

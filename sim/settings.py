@@ -245,7 +245,7 @@ class PosesSettings(Strict):
     count: Annotated[int, Field(ge=10, le=100_000)]
     """Poses of each seat; of a rod, wire or socket for each target too."""
     seed: Annotated[int, Field(ge=0)] | None = None
-    """Of the poses, to keep them while errors vary; by default seed."""
+    """Seed of the poses, to keep them while errors vary; by default seed."""
     dwell_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
     """Time from one pose to the next."""
     seats: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]

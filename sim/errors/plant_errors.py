@@ -104,7 +104,7 @@ class BarFriction(Strict):
     """The bearings of the ball-bar's joints have friction (LuGre model)."""
 
     torque_N_m: NotNegative | None = None
-    """Of each joint; by default the ball-bar file's."""
+    """Torque of each joint; by default the ball-bar file's."""
 
 
 class PlateBending(Strict):
@@ -147,7 +147,7 @@ class ThermalGrowth(Strict):
     d4_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = 4.0e-5
     """Growth of d4 over the recording."""
     time_constant_s: Positive | None = None
-    """Of an exponential growth; none for a linear one."""
+    """Exponential growth; none for a linear one."""
 
 
 class PlantErrors(Strict):

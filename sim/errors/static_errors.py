@@ -47,7 +47,7 @@ class StaticErrors(Strict):
     sigma_rad: NotNegative | None = None
     """Sigma of drawn angles."""
     parameters: Literal["thesis", "robot", "all"] = "thesis"
-    """Those of Table 3.1; also whatever else of the robot can be identified; or all of robot,
+    """Drawn are those of Table 3.1; also whatever else of the robot can be identified; or all of robot,
     ball-bar and base but the plate's length.
     """
 
@@ -75,7 +75,7 @@ class BallbarAxes(Strict):
     sigma_rad: NotNegative = 5.0e-5
     """Sigma of the squareness errors."""
     parameters: Literal["between", "all"] = "between"
-    """Those between the axes, or also those before the first and behind the last, which act as the
+    """Drawn are those between the axes, or also those before the first and behind the last, which act as the
     base's height and the plate do.
     """
 
