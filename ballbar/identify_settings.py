@@ -52,8 +52,8 @@ class IdentifySettings(Strict):
     printed in the thesis.
     """
     smoothing: Smoothing = "none"
-    """With a thesis cost on files: none, a moving average of 100 ms (thesis sec. 5.2), or the splines
-    of ml.
+    """With a thesis cost on files: none, a moving average of 100 ms (thesis sec. 5.2), or the
+    splines of ml.
     """
     pairing: Pairing = "fit"
     """Clock and start of a thesis cost on files: those of the default fit, or `logs`, the thesis's

@@ -47,8 +47,8 @@ class StaticErrors(Strict):
     sigma_rad: NotNegative | None = None
     """Sigma of drawn angles."""
     parameters: Literal["thesis", "robot", "all"] = "thesis"
-    """Drawn are those of Table 3.1; also whatever else of the robot can be identified; or all of robot,
-    ball-bar and base but the plate's length.
+    """Drawn are those of Table 3.1; also whatever else of the robot can be identified; or all of
+    robot, ball-bar and base but the plate's length.
     """
 
     @model_validator(mode="after")
@@ -75,8 +75,8 @@ class BallbarAxes(Strict):
     sigma_rad: NotNegative = 5.0e-5
     """Sigma of the squareness errors."""
     parameters: Literal["between", "all"] = "between"
-    """Drawn are those between the axes, or also those before the first and behind the last, which act as the
-    base's height and the plate do.
+    """Drawn are those between the axes, or also those before the first and behind the last, which
+    act as the base's height and the plate do.
     """
 
 
