@@ -212,7 +212,7 @@ def test_no_number_of_a_picture_is_shown_as_the_source_of_a_formula() -> None:
 
 def test_every_table_of_measured_figures_has_command_commit_and_date() -> None:
     page = (DOCS / "validation.md").read_text()
-    line = r"`(?:python -m benchmarks\.|ballbar )[^\n]+ · commit [0-9a-f]{7} · 20\d\d-\d\d-\d\d"
+    line = r"`(?:python -m benchmarks\.|ballbar )[^\n`]+` \([0-9a-f]{7}, 20\d\d-\d\d-\d\d\)"
     for section in re.split(r"^#{2,3} ", page, flags=re.MULTILINE)[1:]:
         title, _, text = section.partition("\n")
         assert re.search(line, text), title
