@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ballbar.acquisition.bundle import FEWEST
 from ballbar.acquisition.declared_columns import TableContext, selectors_of
 from ballbar.acquisition.formats.table_file import pose_text
-from ballbar.acquisition.picture_poses import FEWEST
 from ballbar.acquisition.report import FileSummary, Finding, finding
 from ballbar.acquisition.table.quantities import PoseRows, header_names, quantities, read_rows
 from ballbar.cell.arrays import Array

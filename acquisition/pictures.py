@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ballbar.acquisition.bundle import Bundle, Pictures, names_of, prior_of
 from ballbar.acquisition.corners import Corners
-from ballbar.acquisition.picture_poses import Bundle, Pictures, bundle, names_of, prior_of
+from ballbar.acquisition.picture_start import bundle
 from ballbar.acquisition.pose_rows import FilePoses
 from ballbar.acquisition.report import Finding, finding
 from ballbar.cell.arrays import Array
@@ -20,6 +21,7 @@ from ballbar.cell.poses import CommonErrors
 from ballbar.cell.rigid_fit import nominal_frames
 
 FEWEST_PICTURES = 3
+_OTHER = 0.05  # of the size of the board in a picture: corners further off are others
 
 
 def posed(robot: Robot, files: Sequence[FilePoses]) -> list[FilePoses]:
@@ -51,15 +53,12 @@ def _posed(robot: Robot, name: str, files: Sequence[FilePoses]) -> list[FilePose
         raise LogError.at(first.file, f"{len(pixels)} pictures show the board.", "Take more.")
     flange = nominal_frames(robot, q).rotation().transpose(2, 0, 1)
     found = bundle(Pictures(first.instrument.camera, first.board, pixels, flange))
+    _refuse_other_board(found, first)
     common, out, begin = common_errors(name, found), [], 0
     for poses, own in zip(files, corners, strict=True):
         rows = np.arange(begin, begin + len(own.images))
         begin += len(own.images)
         used = found.used[rows]
-        if used.sum() < FEWEST_PICTURES:
-            what = f"the corners of {int(used.sum())} of {used.size} pictures lie as on the board."
-            remedy = "Are they numbered as the board's file says, row by row?"
-            raise LogError.at(own.file, what, remedy)
         values, sigma, factor, by_common = pose_values(found, rows[used], carried=own.carried)
         group = replace(
             poses.group.part(used),
@@ -73,6 +72,17 @@ def _posed(robot: Robot, name: str, files: Sequence[FilePoses]) -> list[FilePose
         findings = _findings(found, rows, own)
         out.append(replace(part, findings=(*part.findings, *findings)))
     return out
+
+
+def _refuse_other_board(found: Bundle, corners: Corners) -> None:
+    """Raises LogError where the pictures do not show the corners of the board."""
+    size = float(np.median(np.nanstd(found.pictures.pixels, axis=1)))
+    if found.sigma > _OTHER * size or found.used.sum() < FEWEST_PICTURES:
+        raise LogError(
+            f"{corners.file}: the corners lie {found.sigma:.2g} px (root mean square) from where "
+            f"board {corners.board.name} has them. Are they numbered from 0, row by row, and are "
+            "squares_x and squares_y those of the board?"
+        )
 
 
 def common_errors(name: str, found: Bundle) -> CommonErrors:

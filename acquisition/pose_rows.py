@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ballbar.acquisition.bundle import FEWEST
 from ballbar.acquisition.corners import Corners, read_corners
 from ballbar.acquisition.declared_columns import (
     Part,
@@ -37,7 +38,6 @@ from ballbar.acquisition.measured_values import (
     refuse_quaternions,
     with_sigma_of_instrument,
 )
-from ballbar.acquisition.picture_poses import FEWEST
 from ballbar.acquisition.report import FileSummary, Finding
 from ballbar.acquisition.table.quantities import PoseRows, Quantity, read_rows
 from ballbar.acquisition.times import TIME_FORMS, TimeCells, checked_form, form_shown, stamps_ns

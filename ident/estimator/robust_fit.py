@@ -36,6 +36,7 @@ SETTLED = 0.01  # relative change of the variances' roots that ends them
 NEGLIGIBLE = 1e-3  # decrease of the cost that ends a search, per degree of freedom
 MAX_ITERATIONS = 15  # of a search
 START = ExcessNoise(position=1e-3, rotation=1e-3)  # before a residual is known
+FURTHEST = 0.3  # [m, rad] of the same: a start by joints whose zeros were lost
 LEAST = ExcessNoise(position=1e-7, rotation=1e-7)
 
 
@@ -156,7 +157,7 @@ def unexplained(model: Model, linear: NormalEquations, before: ExcessNoise) -> E
     """
     spare = max(0.05, 1.0 - determined(linear, model.unknowns) / linear.equations)
     if any(group.factor is not None for group in model.poses.groups):
-        return likeliest(model, linear, before, OF_POSES, spare)
+        return likeliest(model, linear, before, OF_POSES, spare, FURTHEST)
     position = rotation = 0.0
     count = turns = 0.0
     for point, robust in zip(linear.evaluations, linear.robust, strict=True):

@@ -69,8 +69,12 @@ def likeliest(
     start: ExcessNoise,
     components: Sequence[str],
     freedom: float,
+    highest: float = HIGHEST,
 ) -> ExcessNoise:
-    """The variance components of residuals; freedom : degrees of freedom over equations."""
+    """The variance components of residuals.
+
+    freedom : degrees of freedom over equations. highest : [m, rad] bound of each component.
+    """
     share = 1.0 / np.sqrt(max(freedom, 1.0 / linear.equations))
     robust = linear.robust or [np.ones(point.samples.size) for point in linear.evaluations]
     likelihoods = [
@@ -88,9 +92,9 @@ def likeliest(
         values, slopes = zip(*(each.deviance(variances) for each in likelihoods), strict=True)
         return sum(values), variances * np.sum(slopes, axis=0)
 
-    bounds = [(2.0 * float(np.log(LOWEST)), 2.0 * float(np.log(HIGHEST)))] * len(components)
+    bounds = [(2.0 * float(np.log(LOWEST)), 2.0 * float(np.log(highest)))] * len(components)
     search = partial(minimize, deviance, jac=True, method="L-BFGS-B", bounds=bounds)
-    sizes = np.clip([getattr(start, c) for c in components], 1e-6, HIGHEST)
+    sizes = np.clip([getattr(start, c) for c in components], 1e-6, highest)
     begin = np.log(np.square(sizes))
     optimum = search(begin)
     moved = optimum.x != begin
