@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -19,9 +20,11 @@ from ballbar.cell.descriptions import Cell, Robot
 from ballbar.cell.geometry import Geometry
 from ballbar.cell.statistics import rms
 from ballbar.ident.corrections import as_in_result, correction_of_result
+from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.identifiability import DroppedParameter
 from ballbar.ident.estimator.noise import ExcessNoise, LogNoise
 from ballbar.ident.loads.payload import PayloadEstimate
+from ballbar.ident.robot.budget import Budget, budget
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty
 from ballbar.ident.robot.tool_covariance import ToolCovariance
@@ -202,6 +205,25 @@ class Identification:
     fit: FitStatistics
     verdict: Verdict
     poses: TableEstimate | None = None
+    solved: Fit | None = None  # of the robot as stated; None of one that was copied
+    blocks: int = 0  # of time or space that show how far residuals are from white noise
+
+    def __getstate__(self) -> dict[str, object]:
+        """The fields without the fit, of which nothing but `budget` is computed, and that."""
+        return {**self.__dict__, "budget": self.budget, "solved": None}
+
+    @cached_property
+    def budget(self) -> Budget | None:
+        """What the stated TCP uncertainty is made of; None where nothing was fitted."""
+        if self.solved is None:
+            return None
+        robot, layout = self.robot.identified, self.solved.model.unknowns
+        if isinstance(robot.stated, ToolCovariance):
+            unknowns = np.array([layout.names.index(n) for n in robot.stated.names], dtype=np.intp)
+        else:
+            assert self.poses is not None, "a robot of still poses alone"
+            _, unknowns = self.poses.stated_of(self.poses.target)
+        return budget(self.solved, robot, self.robot.tcp.sigma, unknowns, blocks=self.blocks)
 
     @property
     def model(self) -> Literal["dh", "complete", "poses"]:
