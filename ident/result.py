@@ -209,13 +209,14 @@ class Identification:
     blocks: int = 0  # of time or space that show how far residuals are from white noise
 
     def __getstate__(self) -> dict[str, object]:
-        """The fields without the fit, of which nothing but `budget` is computed, and that."""
-        return {**self.__dict__, "budget": self.budget, "solved": None}
+        """All but the fit, of which nothing but `budget` is computed."""
+        return {**self.__dict__, "solved": None}
 
     @cached_property
     def budget(self) -> Budget | None:
-        """What the stated TCP uncertainty is made of; None where nothing was fitted."""
-        if self.solved is None:
+        """Parts of the stated TCP uncertainty; None of a copy, or where none is stated."""
+        sigma = self.robot.tcp.sigma
+        if self.solved is None or not sigma.any() or not np.isfinite(sigma).all():
             return None
         robot, layout = self.robot.identified, self.solved.model.unknowns
         if isinstance(robot.stated, ToolCovariance):

@@ -196,7 +196,7 @@ class FollowedPoses(StillPoses):
 
     @property
     def noise_sources(self) -> list[tuple[str, StillPoses, float]]:
-        """As of still poses, and that of the stamps."""
+        """Those of still poses, and that of the stamps."""
         stamped = replace(self.silent, stamp_noise=self.stamp_noise)
         return [*super().noise_sources, ("stamps", stamped, self.stamp_noise)]
 

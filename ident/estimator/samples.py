@@ -160,8 +160,13 @@ class Samples:
     @property
     def silent(self) -> Samples:
         """The same without noise."""
-        none = {"joint_noise": 0.0 * self.joint_noise, "encoder_noise": np.zeros(BAR_ROWS)}
-        return replace(self, **none, length_noise=0.0, stamp_noise=0.0)
+        return replace(
+            self,
+            joint_noise=np.zeros_like(self.joint_noise),
+            encoder_noise=np.zeros(BAR_ROWS),
+            length_noise=0.0,
+            stamp_noise=0.0,
+        )
 
     @property
     def noise_sources(self) -> list[tuple[str, Samples, float]]:

@@ -34,7 +34,7 @@ NONE = ExcessNoise()
 
 @dataclass(frozen=True, eq=False)
 class VariancePart:
-    """What the sources of one row contribute to the covariance of some unknowns."""
+    """Contribution of the sources of one row to the covariance of some unknowns."""
 
     row: str
     covariance: Array  # (R, R)
@@ -79,8 +79,8 @@ def noise_sources(
         yield name, alone.noise_columns(point, NONE), size
     for component in fields(ExcessNoise):
         if size := getattr(excess, component.name):
-            alone = ExcessNoise(**{component.name: size})
-            yield component.name, part.silent.noise_columns(point, alone), size
+            single = ExcessNoise(**{component.name: size})
+            yield component.name, part.silent.noise_columns(point, single), size
     if np.ndim(uncertain):
         columns = part.silent.noise_columns(point, NONE, uncertain)
         yield BACKLASH, columns, rms(uncertain)

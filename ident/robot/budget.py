@@ -44,8 +44,8 @@ Distribution = Literal["normal", "rectangular", "t"]
 
 
 @dataclass(frozen=True)
-class Source:
-    """What is known of a row whatever its size."""
+class BudgetSource:
+    """Words and kind of a row, whatever its size."""
 
     what: str
     unit: str
@@ -53,57 +53,53 @@ class Source:
     distribution: Distribution = "normal"
 
 
-SOURCES: dict[str, Source] = {
-    "plate": Source("plate: length by its file, which is the scale", "m"),
-    "rod": Source("rod: length by its file", "m"),
-    "axes": Source("axes of the instrument: offsets and squareness", MIXED),
-    "distance": Source("known distances between seats", "m"),
-    "instrument": Source("noise of the instrument, as stated", "m"),
-    "bearings": Source("noise of the instrument's angles, as stated", "rad"),
-    "length_log": Source("noise of the sensed length", "m", "A"),
-    "bar_log": Source("noise of the instrument's encoders", "rad", "A"),
-    "bar": Source("encoders of the instrument beyond their noise", "rad", "A"),
-    "joint_log": Source("noise and rounding of the joint angles", "rad", "A"),
-    "stamps": Source("clock: jitter of the stamps", "s", "A"),
-    "gear": Source("gears of axes 1 to 3 beyond the model", "rad", "A"),
-    "wrist": Source("gears of the wrist beyond the model", "rad", "A"),
-    "backlash": Source("backlash near reversals of the load", "rad", "B", "rectangular"),
-    "rod_noise": Source("rod: length beyond a constant", "m", "A"),
-    "position": Source("positions of still poses beyond the model", "m", "A"),
-    "rotation": Source("orientations of still poses beyond the model", "rad", "A"),
-    "force": Source("force in the rod", MIXED),
-    "masses": Source("masses of links and tool", MIXED),
-    "robot": Source("robot: catalogue values, before the measurement", MIXED),
-    "placement": Source("place and clock of the instrument, before the measurement", MIXED),
-    "rounding": Source("rounding of counts and times", "m", "B", "rectangular"),
-    UNMODELLED: Source("unmodelled part: misfit, ripple, what was left out", "m", "A", "t"),
+SOURCES: dict[str, BudgetSource] = {
+    "plate": BudgetSource("plate: length by its file, which is the scale", "m"),
+    "rod": BudgetSource("rod: length by its file", "m"),
+    "axes": BudgetSource("axes of the instrument: offsets and squareness", MIXED),
+    "distance": BudgetSource("known distances between seats", "m"),
+    "instrument": BudgetSource("noise of the instrument, as stated", "m"),
+    "bearings": BudgetSource("noise of the instrument's angles, as stated", "rad"),
+    "length_log": BudgetSource("noise of the sensed length", "m", "A"),
+    "bar_log": BudgetSource("noise of the instrument's encoders", "rad", "A"),
+    "bar": BudgetSource("encoders of the instrument beyond their noise", "rad", "A"),
+    "joint_log": BudgetSource("noise and rounding of the joint angles", "rad", "A"),
+    "stamps": BudgetSource("clock: jitter of the stamps", "s", "A"),
+    "gear": BudgetSource("gears of axes 1 to 3 beyond the model", "rad", "A"),
+    "wrist": BudgetSource("gears of the wrist beyond the model", "rad", "A"),
+    "backlash": BudgetSource("backlash near reversals of the load", "rad", "B", "rectangular"),
+    "rod_noise": BudgetSource("rod: length beyond a constant", "m", "A"),
+    "position": BudgetSource("positions of still poses beyond the model", "m", "A"),
+    "rotation": BudgetSource("orientations of still poses beyond the model", "rad", "A"),
+    "force": BudgetSource("force in the rod", MIXED),
+    "masses": BudgetSource("masses of links and tool", MIXED),
+    "robot": BudgetSource("robot: catalogue values (prior)", MIXED),
+    "placement": BudgetSource("place and clock of the instrument (prior)", MIXED),
+    "rounding": BudgetSource("rounding of counts and times", "m", "B", "rectangular"),
+    UNMODELLED: BudgetSource("unmodelled part: misfit, ripple, what was left out", "m", "A", "t"),
 }
 
 
 @dataclass(frozen=True)
 class BudgetRow:
-    """One input of the estimate, and what it contributes to the tool's uncertainty."""
+    """One input of the estimate, and its contribution to the tool's uncertainty."""
 
     name: str
     what: str
     evaluated: Evaluated
     distribution: Distribution
-    size: float  # standard uncertainty [unit]
+    standard_uncertainty: float  # [unit]
     unit: str
-    contribution: float  # [m] root mean square over the workspace
+    contribution: float  # [m] root mean square over the workspace; below 0 it is taken off
     worst: float  # [m] largest in the workspace
-    share: float  # of the variance; below 0 where the stated one is less than its inputs
-    freedom: float  # degrees of freedom; infinite where the standard uncertainty counts as exact
+    share: float  # of the variance
+    degrees_of_freedom: float | None = None  # None: infinite
 
     @property
-    def sensitivity(self) -> float:
-        """[m per unit] contribution for a unit of the standard uncertainty."""
-        return self.contribution / self.size
-
-    @property
-    def worst_sensitivity(self) -> float:
-        """[m per unit] the same at the pose where it is largest."""
-        return self.worst / self.size
+    def sensitivity(self) -> tuple[float, float]:
+        """[m per unit] contribution for a unit of the input: over the workspace, and at worst."""
+        size = self.standard_uncertainty
+        return self.contribution / size, self.worst / size
 
 
 @dataclass(frozen=True)
@@ -114,19 +110,14 @@ class Budget:
     combined: float  # [m] standard uncertainty, root mean square over the workspace
     mean: float  # [m] its mean
     worst: float  # [m] its largest
-    freedom: float  # effective degrees of freedom
+    degrees_of_freedom: float | None  # effective; None: infinite
     coverage_factor: float  # k that holds COVERAGE of the distances
     exact: bool  # whether the draws for it passed the exact kinematics
 
     @property
-    def expanded(self) -> float:
-        """[m] expanded uncertainty U, root mean square over the workspace."""
-        return self.coverage_factor * self.combined
-
-    @property
-    def expanded_worst(self) -> float:
-        """[m] expanded uncertainty at the worst pose."""
-        return self.coverage_factor * self.worst
+    def expanded(self) -> tuple[float, float]:
+        """[m] expanded uncertainty U: root mean square over the workspace, and at worst."""
+        return self.coverage_factor * self.combined, self.coverage_factor * self.worst
 
 
 def budget(
@@ -170,15 +161,15 @@ def budget(
     rows.sort(key=lambda row: -row.share)
     freedom = welch_satterthwaite(rows)
     rng = rng or np.random.default_rng(_DRAWS_SEED)
-    exact = _is_in_doubt(robot, float(np.sqrt(total)))
-    draws = _exact_squares(robot, rng) if exact else _squares(stated.values, columns, sigma, rng)
+    exact = is_in_doubt(robot, float(np.sqrt(total)))
+    draws = exact_squares(robot, rng) if exact else _squares(stated.values, columns, sigma, rng)
     factor = coverage_factor(draws, freedom, rng)
     return Budget(
         rows=tuple(rows),
         combined=float(np.sqrt(total)),
         mean=float(sigma.mean()),
         worst=float(sigma.max()),
-        freedom=freedom,
+        degrees_of_freedom=freedom,
         coverage_factor=factor,
         exact=exact,
     )
@@ -246,7 +237,7 @@ def _row(
 
     total : [m^2] mean square of the whole. freedoms : of what is evaluated as A, and of Student's.
     """
-    source = SOURCES.get(name) or Source(f"{sentences[name]}, before the measurement", MIXED)
+    source = SOURCES.get(name) or BudgetSource(f"{sentences[name]} (prior)", MIXED)
     mean, largest = float(variance.mean()), float(variance.max())
     kind = source.distribution if source.distribution in freedoms else source.evaluated
     return BudgetRow(
@@ -254,28 +245,29 @@ def _row(
         what=source.what,
         evaluated=source.evaluated,
         distribution=source.distribution,
-        size=1.0 if source.unit == MIXED else rms(sizes),
+        standard_uncertainty=1.0 if source.unit == MIXED else rms(sizes),
         unit=source.unit,
         contribution=float(np.sign(mean) * np.sqrt(np.abs(mean))),
         worst=float(np.sqrt(max(0.0, largest))),
         share=mean / total,
-        freedom=freedoms.get(kind, np.inf),
+        degrees_of_freedom=freedoms.get(kind),
     )
 
 
-def welch_satterthwaite(rows: Iterable[BudgetRow]) -> float:
-    """Effective degrees of freedom of the sum of the rows (JCGM 100:2008, G.4.1)."""
-    squares = sum(row.share**2 / row.freedom for row in rows)
-    return 1.0 / squares if squares else np.inf
+def welch_satterthwaite(rows: Iterable[BudgetRow]) -> float | None:
+    """Effective degrees of freedom of all rows (JCGM 100:2008, G.4.1); None where infinite."""
+    counted = [row for row in rows if row.degrees_of_freedom is not None]
+    squares = sum(row.share**2 / (row.degrees_of_freedom or 1.0) for row in counted)
+    return 1.0 / squares if squares else None
 
 
-def coverage_factor(squares: Array, freedom: float, rng: np.random.Generator) -> float:
+def coverage_factor(squares: Array, freedom: float | None, rng: np.random.Generator) -> float:
     """k that holds COVERAGE of drawn distances.
 
     squares : (D, n) of n poses, squared and over their variance; with the tails of Student's
     distribution they get larger by one factor for each draw.
     """
-    if np.isfinite(freedom):
+    if freedom is not None:
         squares = squares * freedom / rng.chisquare(freedom, size=(len(squares), 1))
     return float(np.sqrt(np.quantile(squares, COVERAGE)))
 
@@ -284,7 +276,7 @@ def _squares(covariance: Array, columns: Array, sigma: Array, rng: np.random.Gen
     """(DRAWS, G) squared distances over the variance, by the linear law.
 
     covariance : (U, U) of what moves the tool by `columns` (3G, U). What sigma (G,) [m] is beyond
-    it is alike in all directions.
+    it is equal in all directions.
     """
     by_pose = columns.reshape(len(sigma), 3, -1)
     spread = (columns @ covariance).reshape(by_pose.shape) @ by_pose.transpose(0, 2, 1)
@@ -294,7 +286,7 @@ def _squares(covariance: Array, columns: Array, sigma: Array, rng: np.random.Gen
     return np.asarray((normal**2 * variances).sum(axis=2) / variances.sum(axis=1))
 
 
-def _is_in_doubt(robot: IdentifiedRobot, sigma: float) -> bool:
+def is_in_doubt(robot: IdentifiedRobot, sigma: float) -> bool:
     """Whether the second order of the robot's uncertain angles is no small part of sigma [m]."""
     table, stated = robot.geometry.table, _stated(robot)
     lever = float(np.linalg.norm(robot.poses(stated.poses(robot))[:, :3, 3], axis=1).max())
@@ -311,7 +303,7 @@ def _parameters(robot: IdentifiedRobot) -> NDArray[np.intp]:
     return np.array([index[name] for name in stated.names if name in index], dtype=np.intp)
 
 
-def _exact_squares(robot: IdentifiedRobot, rng: np.random.Generator) -> Array:
+def exact_squares(robot: IdentifiedRobot, rng: np.random.Generator) -> Array:
     """(EXACT_DRAWS, n) squared distances over the variance, by the exact forward kinematics.
 
     What they add to the linear law is added to the linear errors of the stated covariance.
