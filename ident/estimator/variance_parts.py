@@ -44,7 +44,7 @@ class VariancePart:
 def variance_parts(
     fit: Fit, rows: NDArray[np.intp], row_of: Callable[[str], str]
 ) -> list[VariancePart]:
-    """Parts of the covariance of the unknowns `rows` (R,) as the normal matrix has it.
+    """Parts of the covariance (R, R) [SI] of the unknowns `rows` (R,) by the normal matrix.
 
     row_of : name of the part in which a source stands: noise as `noise_sources` names it, or a
         prior by its unknown.
@@ -69,7 +69,7 @@ def variance_parts(
 def noise_sources(
     point: Evaluation, excess: ExcessNoise, uncertain: Array | float
 ) -> Iterator[tuple[str, Array, float]]:
-    """Name, columns (K, 6, N) and standard deviation of each source of noise by itself.
+    """Name, columns (K, 6, N) [m, rad] and standard deviation of each source of noise by itself.
 
     excess, uncertain : as of `Evaluation.noise_columns`, whose covariance is that of all of these
     together.
