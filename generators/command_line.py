@@ -47,7 +47,7 @@ value of a dotted key, such as `seed=2`; repeatable, as everything with `...` be
 --show-completion` prints the script. `ballbar --version` prints the release and a digest of the
 code.
 
-Each command's `--help` says more.
+Each command's `--help` says more, with more examples.
 
 ## Fields of --json
 
@@ -114,8 +114,8 @@ def _command(name: str, command: CommandInfo) -> Iterator[str]:
     rows = [row for _, _, row in parameters if row]
     if rows:
         yield "\n| |values (default)|meaning|\n|---|---|---|\n" + "".join(rows)
-    if command.epilog:
-        yield f"\n{command.epilog}\n"
+    if example := re.match(r"Example: `[^`]+`", command.epilog or ""):  # the first; --help has all
+        yield f"\n{example[0]}\n"
 
 
 def _parameters(function: Callable[..., Any]) -> Iterator[tuple[str, type, str]]:
