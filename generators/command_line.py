@@ -164,11 +164,13 @@ def _values(hint: Any, info: ArgumentInfo | OptionInfo) -> str:
         return ", ".join(f"`{choice}`" for choice in get_args(kind))
     named = isinstance(info, OptionInfo) and info.metavar
     text = f"`{_text(info.metavar)}`" if named else _KINDS.get(kind, str(kind))
+    if isinstance(info, ArgumentInfo) and kind in (str, Path):  # its meaning says which
+        text = ""
     if info.min is not None and info.max is not None:
         text = f"{text} {info.min:g} to {info.max:g}"
     elif info.min is not None:
         text = f"{text} ≥ {info.min:g}"
-    return f"{text} ..." if many else text
+    return f"{text} ...".strip() if many else text
 
 
 def _text(words: str | None) -> str:
