@@ -44,7 +44,7 @@ class VariancePart:
 def variance_parts(
     fit: Fit, rows: NDArray[np.intp], row_of: Callable[[str], str]
 ) -> list[VariancePart]:
-    """Parts of the covariance (R, R) [SI] of the unknowns `rows` (R,) by the normal matrix.
+    """Parts of the covariance (R, R) [m, rad] of the unknowns `rows` (R,) by the normal matrix.
 
     row_of : name of the part in which a source stands: noise as `noise_sources` names it, or a
         prior by its unknown.

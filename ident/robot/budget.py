@@ -264,7 +264,7 @@ def welch_satterthwaite(rows: Iterable[BudgetRow]) -> float | None:
 def coverage_factor(squares: Array, freedom: float | None, rng: np.random.Generator) -> float:
     """k that holds COVERAGE of drawn distances.
 
-    squares : (D, n) [1] of n poses, squared and over their variance; with the tails of Student's
+    squares : (D, n) [-] of n poses, squared and over their variance; with the tails of Student's
     distribution they get larger by one factor for each draw.
     """
     if freedom is not None:
@@ -273,7 +273,7 @@ def coverage_factor(squares: Array, freedom: float | None, rng: np.random.Genera
 
 
 def _squares(covariance: Array, columns: Array, sigma: Array, rng: np.random.Generator) -> Array:
-    """(DRAWS, G) [1] squared distances over the variance, by the linear law.
+    """(DRAWS, G) [-] squared distances over the variance, by the linear law.
 
     covariance : (U, U) of what moves the tool by `columns` (3G, U). What sigma (G,) [m] is beyond
     it is equal in all directions.
@@ -304,7 +304,7 @@ def _parameters(robot: IdentifiedRobot) -> NDArray[np.intp]:
 
 
 def exact_squares(robot: IdentifiedRobot, rng: np.random.Generator) -> Array:
-    """(EXACT_DRAWS, n) [1] squared distances over the variance, by the exact forward kinematics.
+    """(EXACT_DRAWS, n) [-] squared distances over the variance, by the exact forward kinematics.
 
     What they add to the linear law is added to the linear errors of the stated covariance.
     """
