@@ -196,7 +196,7 @@ class FollowedPoses(StillPoses):
 
     @property
     def noise_sources(self) -> list[tuple[str, StillPoses, float]]:
-        """Those of still poses, and that of the stamps."""
+        """Name and standard deviation of each noise by itself, of the stamps too."""
         stamped = replace(self.silent, stamp_noise=self.stamp_noise)
         return [*super().noise_sources, ("stamps", stamped, self.stamp_noise)]
 
