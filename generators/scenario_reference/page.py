@@ -36,10 +36,11 @@ Every key of a scenario, with a picture for every error source. Written by
 `python -m generators.scenario_reference` from the schema that checks a scenario file and from the
 description files in `cell/`; do not edit.
 
-A key carries its unit in its name. Without a source beside it a default is assumed. An error source
-is absent unless a scenario names it: `errors: {joint_compliance: {}}` switches one on at its
-default size. What does not fit is refused with the file's line. `extends` and `--set`: [Vary and
-reuse files](how_to/run_a_sweep.md#set-a-value-or-extend-a-file).
+A key carries its unit in its name. Sizes are not negative, and some not 0. Without a source beside
+it a default is assumed. An error source is absent unless a scenario names it:
+`errors: {joint_compliance: {}}` switches one on at its default size. What does not fit is refused
+with the file's line. `extends` and `--set`: [Vary and reuse
+files](how_to/run_a_sweep.md#set-a-value-or-extend-a-file).
 
 What differs from unit to unit is drawn from the scenario's seed, each source from a stream of its
 own, so switching one on leaves all others bit-identical. z is a standard normal draw, phi a drawn
@@ -161,7 +162,7 @@ def _machine(source: Source) -> str:
 
 
 def _numbers(values: ArrayLike) -> str:
-    return ", ".join(
-        value_text(float(f"{value:.3g}")).removesuffix(".0")
-        for value in np.atleast_1d(np.asarray(values, dtype=float))
-    )
+    """One value, or the first and the last: the description file has those between."""
+    every = np.atleast_1d(np.asarray(values, dtype=float))
+    ends = every[[0, -1]] if len(every) > 1 else every
+    return " to ".join(value_text(float(f"{value:.3g}")).removesuffix(".0") for value in ends)
