@@ -49,7 +49,7 @@ class Pictures:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """(N, C) whether a corner was found."""
+        """(N, C) whether a corner was seen."""
         return np.asarray(np.isfinite(self.pixels).all(axis=2))
 
 
@@ -159,32 +159,34 @@ class Bundle:
     @property
     def freedom(self) -> float:
         """Degrees of freedom of the corners: coordinates less poses, and what they tell besides."""
-        told = self.values.size - float(np.trace(self.covariance @ prior_of(self.pictures)[1]))
-        return 2.0 * float(self.counting.sum()) - 6.0 * float(self.used.sum()) - told
+        determined = self.values.size - float(
+            np.trace(self.covariance @ prior_of(self.pictures)[1])
+        )
+        return 2.0 * float(self.counting.sum()) - 6.0 * float(self.used.sum()) - determined
 
 
 def counted(start: Bundle) -> Bundle:
-    """The adjusted bundle, with noise as found and corners that are far off left out."""
-    found = _nearer(start)
+    """The adjusted bundle, with noise as it shows and corners that are far off left out."""
+    fitted = _nearer(start)
     for _ in range(_ROUNDS):
-        found = adjusted(found)
-        noise = np.sqrt(found.square.sum() / max(found.freedom, 1.0))
-        near = _nearer(found)
-        same = bool((near.counting == found.counting).all())
-        steady = abs(noise - found.sigma) < _STEADY * found.sigma
-        found = replace(near, sigma=max(float(noise), _LEAST_NOISE))
+        fitted = adjusted(fitted)
+        noise = np.sqrt(fitted.square.sum() / max(fitted.freedom, 1.0))
+        closest = _nearer(fitted)
+        same = bool((closest.counting == fitted.counting).all())
+        steady = abs(noise - fitted.sigma) < _STEADY * fitted.sigma
+        fitted = replace(closest, sigma=max(float(noise), _LEAST_NOISE))
         if same and steady:
             break
-    return found
+    return fitted
 
 
-def _nearer(found: Bundle) -> Bundle:
+def _nearer(fitted: Bundle) -> Bundle:
     """The bundle with all corners but those that are far off, and pictures with too few left."""
-    length, seen = np.linalg.norm(found.residual, axis=2), found.pictures.seen
-    scale = float(np.median(np.abs(found.residual[seen]))) / _MEDIAN
+    length, seen = np.linalg.norm(fitted.residual, axis=2), fitted.pictures.seen
+    scale = float(np.median(np.abs(fitted.residual[seen]))) / _MEDIAN
     counting = seen & (length < FAR * max(scale, _LEAST_NOISE))
     enough = counting.sum(axis=1) >= np.maximum(FEWEST, _SHARE * seen.sum(axis=1))
-    return replace(found, counting=counting & enough[:, None])
+    return replace(fitted, counting=counting & enough[:, None])
 
 
 def adjusted(start: Bundle) -> Bundle:

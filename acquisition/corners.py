@@ -39,7 +39,7 @@ class Corners:
         return np.asarray(np.isfinite(self.pixels[..., 0]).sum(axis=1) >= FEWEST)
 
     def take(self, chosen: NDArray[np.bool_]) -> Corners:
-        """Those of the chosen pictures (N,)."""
+        """The corners of the chosen pictures (N,)."""
         images = tuple(np.array(self.images, dtype=object)[chosen])
         return Corners(
             self.instrument, self.board, self.carried, self.file, images, self.pixels[chosen]
@@ -75,7 +75,9 @@ def read_corners(
     pixels[at[known], corner] = np.stack(pixel, axis=1)[known]
     if not known.any():
         what = f"no picture has a name of column {declared.image} of the table, such as {images[0]}"
-        raise LogError.at(declared.corners, f"{what}.", "Name the pictures alike in both files.")
+        raise LogError.at(
+            declared.corners, f"{what}.", "Give the pictures the same names in both files."
+        )
     unnamed = len({image for image in rows.text(names[0]) if image not in place})
     findings = list(rows.findings)
     if unnamed:

@@ -36,14 +36,14 @@ def bundle(pictures: Pictures) -> Bundle:
     )
     plane = _started(start)
     starts = [_chosen(each, robust=True) for each in (plane, _started(_focused(plane)))]
-    found = min(starts, key=lambda each: float(np.median(each.square)))
+    fitted = min(starts, key=lambda each: float(np.median(each.square)))
     for _ in range(2):  # the second time with the lens that the first one found
-        found = counted(found)
-        chosen = _chosen(found, robust=False)
-        if np.allclose(chosen.rotation, found.rotation, atol=0.05):
+        fitted = counted(fitted)
+        chosen = _chosen(fitted, robust=False)
+        if np.allclose(chosen.rotation, fitted.rotation, atol=0.05):
             break
-        found = chosen
-    return found
+        fitted = chosen
+    return fitted
 
 
 def _posed(start: Bundle, *, robust: bool) -> Bundle:
@@ -187,8 +187,10 @@ def homography(points: Array, images: Array) -> Array:
     off = np.stack([_off(matrix, known, images) for matrix in matrices])
     off = off[np.median(off, axis=1).argmin()]
     for _ in range(3):
-        near = off <= max(FAR * float(np.median(off)), np.sort(off)[FEWEST - 1])
-        matrix = np.linalg.svd(rows[near].reshape(-1, 9), full_matrices=False)[2][-1].reshape(3, 3)
+        closest = off <= max(FAR * float(np.median(off)), np.sort(off)[FEWEST - 1])
+        matrix = np.linalg.svd(rows[closest].reshape(-1, 9), full_matrices=False)[2][-1].reshape(
+            3, 3
+        )
         off = _off(matrix, known, images)
     return np.asarray(matrix)
 

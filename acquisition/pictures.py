@@ -52,14 +52,14 @@ def _posed(robot: Robot, name: str, files: Sequence[FilePoses]) -> list[FilePose
     if len(pixels) < FEWEST_PICTURES:
         raise LogError.at(first.file, f"{len(pixels)} pictures show the board.", "Take more.")
     flange = nominal_frames(robot, q).rotation().transpose(2, 0, 1)
-    found = bundle(Pictures(first.instrument.camera, first.board, pixels, flange))
-    _refuse_other_board(found, first)
-    common, out, begin = common_errors(name, found), [], 0
+    fitted = bundle(Pictures(first.instrument.camera, first.board, pixels, flange))
+    _refuse_other_board(fitted, first)
+    common, out, begin = common_errors(name, fitted), [], 0
     for poses, own in zip(files, corners, strict=True):
         rows = np.arange(begin, begin + len(own.images))
         begin += len(own.images)
-        used = found.used[rows]
-        values, sigma, factor, by_common = pose_values(found, rows[used], carried=own.carried)
+        used = fitted.used[rows]
+        values, sigma, factor, by_common = pose_values(fitted, rows[used], carried=own.carried)
         group = replace(
             poses.group.part(used),
             values=values,
@@ -69,45 +69,45 @@ def _posed(robot: Robot, name: str, files: Sequence[FilePoses]) -> list[FilePose
             by_common=by_common @ common.root,
         )
         part = poses.part(used, group)
-        findings = _findings(found, rows, own)
+        findings = _findings(fitted, rows, own)
         out.append(replace(part, findings=(*part.findings, *findings)))
     return out
 
 
-def _refuse_other_board(found: Bundle, corners: Corners) -> None:
+def _refuse_other_board(fitted: Bundle, corners: Corners) -> None:
     """Raises LogError where the pictures do not show the corners of the board."""
-    size = float(np.median(np.nanstd(found.pictures.pixels, axis=1)))
-    if found.sigma > _OTHER * size or found.used.sum() < FEWEST_PICTURES:
+    size = float(np.median(np.nanstd(fitted.pictures.pixels, axis=1)))
+    if fitted.sigma > _OTHER * size or fitted.used.sum() < FEWEST_PICTURES:
         raise LogError(
-            f"{corners.file}: the corners lie {found.sigma:.2g} px (root mean square) from where "
+            f"{corners.file}: the corners lie {fitted.sigma:.2g} px (root mean square) from where "
             f"board {corners.board.name} has them. Are they numbered from 0, row by row, and are "
             "squares_x and squares_y those of the board?"
         )
 
 
-def common_errors(name: str, found: Bundle) -> CommonErrors:
-    """What a bundle leaves uncertain of lens and board."""
-    mean, information = prior_of(found.pictures)
+def common_errors(name: str, fitted: Bundle) -> CommonErrors:
+    """The errors of lens and board that a bundle leaves uncertain."""
+    mean, information = prior_of(fitted.pictures)
     return CommonErrors(
         name=name,
-        names=names_of(found.pictures),
-        values=found.values,
-        root=np.asarray(np.linalg.cholesky(found.covariance)),
-        noise=found.sigma,
+        names=names_of(fitted.pictures),
+        values=fitted.values,
+        root=np.asarray(np.linalg.cholesky(fitted.covariance)),
+        noise=fitted.sigma,
         declared=np.column_stack((mean, np.sqrt(np.diag(np.linalg.inv(information))))),
     )
 
 
 def pose_values(
-    found: Bundle, rows: NDArray[np.intp], *, carried: bool
+    fitted: Bundle, rows: NDArray[np.intp], *, carried: bool
 ) -> tuple[Array, Array, Array, Array]:
     """Values (N, 6) [m, rad] of some pictures, their deviations (N, 6), the factor (N, 6, 6) of
     their correlation, and their change (N, 6, U) by lens and board.
 
     The board in the frame of the camera; of a camera that the robot carries the reverse.
     """
-    own, mixed, _, _ = (part[rows] if part.ndim > 1 else part for part in found.reduced)
-    rotation, origin = found.rotation[rows], found.origin[rows]
+    own, mixed, _, _ = (part[rows] if part.ndim > 1 else part for part in fitted.reduced)
+    rotation, origin = fitted.rotation[rows], fitted.origin[rows]
     to_values = np.tile(np.eye(6), (len(rows), 1, 1))
     if carried:
         back = rotation.transpose(0, 2, 1)
@@ -115,21 +115,21 @@ def pose_values(
         to_values[:, :3, :3] = to_values[:, 3:, 3:] = -back
         to_values[:, :3, 3:] = -back @ arm
         rotation, origin = back, -(back @ origin[..., None])[..., 0]
-    covariance = found.sigma**2 * to_values @ np.linalg.inv(own) @ to_values.transpose(0, 2, 1)
+    covariance = fitted.sigma**2 * to_values @ np.linalg.inv(own) @ to_values.transpose(0, 2, 1)
     sigma: Array = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     factor = np.asarray(np.linalg.cholesky(covariance / sigma[:, :, None] / sigma[:, None]))
     by_values = np.asarray(-to_values @ np.linalg.solve(own, mixed))
     return np.hstack((origin, Rotation.from_matrix(rotation).as_rotvec())), sigma, factor, by_values
 
 
-def _findings(found: Bundle, rows: NDArray[np.intp], own: Corners) -> tuple[Finding, ...]:
-    """What is odd about the pictures `rows` (N,) of a bundle."""
-    out, used = [], found.used[rows]
+def _findings(fitted: Bundle, rows: NDArray[np.intp], own: Corners) -> tuple[Finding, ...]:
+    """Findings about the pictures `rows` (N,) of a bundle."""
+    out, used = [], fitted.used[rows]
     for n in np.flatnonzero(~used):
         sentence = f"picture {own.images[n]}: its corners do not lie as on the board; left out."
         out.append(finding("picture left out", own.file, sentence, count=1))
-    seen = found.pictures.seen[rows]
-    lost = np.asarray(seen & ~found.counting[rows] & used[:, None])
+    seen = fitted.pictures.seen[rows]
+    lost = np.asarray(seen & ~fitted.counting[rows] & used[:, None])
     if lost.any():
         named = [own.images[n] for n in np.flatnonzero(lost.any(axis=1))]
         shown = ", ".join(named[:4]) + (", ..." if len(named) > 4 else "")

@@ -67,7 +67,7 @@ class FilePoses:
     corners: Corners | None = None  # of pictures whose poses are not yet known
 
     def part(self, chosen: NDArray[np.bool_], group: PoseGroup) -> FilePoses:
-        """Those of the chosen rows (N,), whose group is given."""
+        """The poses of the chosen rows (N,), whose group is given."""
         return replace(
             self,
             group=group,

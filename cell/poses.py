@@ -68,7 +68,7 @@ class JointMotion(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class CommonErrors:
-    """What of an instrument is not known exactly, and displaces everything that it measured.
+    """Errors of an instrument that displace everything that it measured.
 
     Such as a camera's lens and its board: U values with a full covariance, `root @ root.T`. A fit
     has U unknowns of unit variance in their place, which `root` turns into errors of the values.
