@@ -91,7 +91,7 @@ def prediction_of(calibration: Calibration) -> Prediction:
     return Prediction(
         nominal=kinematics(robot.rigid(geometry), chain),
         identified=kinematics(robot, chain),
-        random=None if excess is None else RandomErrors(excess.gear_rad, excess.wrist_rad),
+        random=RandomErrors(*(() if excess is None else (excess.gear_rad, excess.wrist_rad))),
     )
 
 

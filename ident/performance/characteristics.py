@@ -9,6 +9,7 @@ from typing import Literal
 from ballbar.cell.arrays import Array
 from ballbar.ident.performance.iso_230_4 import CircularTest
 
+CIRCULAR = ("G", "G_cw", "G(b)", "F_max", "F_min", "RONt")  # symbols of a circular test
 Origin = Literal["measured", "predicted", "not stated"]
 Robots = Literal["nominal", "identified", "corrected"]
 ROBOTS: tuple[Robots, ...] = ("nominal", "identified", "corrected")
@@ -104,8 +105,10 @@ class Performance:
 def merged(
     measured: Sequence[Characteristic], predicted: Sequence[Characteristic]
 ) -> tuple[Characteristic, ...]:
-    """Measured rows, what they do not state taken from predicted ones of the same place, then the
-    other predicted rows. What was measured anywhere is not listed as not stated once more.
+    """Measured rows, what they do not state taken from predicted ones of the same place, and the
+    other predicted rows, symbol after symbol.
+
+    What was measured anywhere is not listed as not stated once more.
     """
     others = {(row.symbol, row.place): row for row in predicted}
     rows = []
@@ -117,8 +120,9 @@ def merged(
         }
         rows.append(replace(row, statements=stated))
     symbols = {row.symbol for row in measured}
-    rest = (r for r in others.values() if r.stated or r.symbol not in symbols)
-    return (*rows, *rest)
+    rest = [r for r in others.values() if r.stated or r.symbol not in symbols]
+    order = list(NAMES)
+    return tuple(sorted((*rows, *rest), key=lambda row: order.index(row.symbol)))
 
 
 @dataclass

@@ -57,18 +57,16 @@ def fitting_cube(
     Preferred are those within the fitted ranges of the identified robot, where something is stated.
     side : [m] of the only cube that is tried. None where no cube fits.
     """
-    sides = SIDES if side is None else (side,)
-    for inside, edge, tilt in product((True, False), sides, TILTS):
+    sides, outside = SIDES if side is None else (side,), None
+    for edge, tilt in product(sides, TILTS):
         poses = np.array(list(_candidates(nominal, edge, tilt))).reshape(-1, 5, 4, 4)
-        q, taken = _taken(nominal, poses)
-        fits = taken.all(axis=1)
-        if inside:
-            covered = identified.covered(q.reshape(-1, q.shape[-1])).reshape(taken.shape)
-            fits = fits & covered.all(axis=1)
-        fitting = np.flatnonzero(fits)
-        if fitting.size:
-            return TestCube(edge, poses[fitting[0]], q[fitting[0]])
-    return None
+        taken, q = _taken(nominal, poses)
+        covered = identified.covered(q.reshape(-1, q.shape[-1])).reshape(-1, 5).all(axis=1)
+        for k in taken[covered][:1]:
+            return TestCube(edge, poses[k], q[covered][0])
+        if outside is None and taken.size:
+            outside = TestCube(edge, poses[taken[0]], q[0])
+    return outside
 
 
 def _candidates(nominal: IdentifiedKinematics, side: float, tilt: float) -> Iterator[Array]:
@@ -105,17 +103,15 @@ def _home(nominal: IdentifiedKinematics) -> Array:
     return controller_to_joints(robot, 0.5 * (robot.accuracy_lower + robot.accuracy_upper))
 
 
-def _taken(nominal: IdentifiedKinematics, poses: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Joint angles (K, 5, J) [rad] of cubes' poses (K, 5, 4, 4) in one configuration each, and
-    whether the robot takes them (K, 5), away from singular postures.
+def _taken(nominal: IdentifiedKinematics, poses: Array) -> tuple[NDArray[np.intp], Array]:
+    """Which of K cubes the robot takes, away from singular postures, and their joint angles (., 5,
+    J) [rad] in one configuration each. poses : (K, 5, 4, 4)
     """
-    robot = nominal.robot
-    q = np.full((*poses.shape[:2], robot.joints), np.nan)
-    taken: NDArray[np.bool_] = np.zeros(poses.shape[:2], dtype=np.bool_)
-    previous = np.tile(_home(nominal), (len(poses), 1))
+    q = np.full((*poses.shape[:2], nominal.robot.joints), np.nan)
+    rows, previous = np.arange(len(poses)), np.tile(_home(nominal), (len(poses), 1))
     for k in range(poses.shape[1]):
-        solved = nominal.nearest(poses[:, k], previous)
-        q[:, k] = solved.q
-        taken[:, k] = solved.reached & solved.within & ~solved.singular
-        previous = np.where(np.isfinite(solved.q), solved.q, previous)
-    return q, taken
+        solved = nominal.nearest(poses[rows, k], previous)
+        q[rows, k] = solved.q
+        taken = solved.reached & solved.within & ~solved.singular
+        rows, previous = rows[taken], solved.q[taken]
+    return rows, q[rows]

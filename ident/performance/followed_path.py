@@ -14,7 +14,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.poses import PoseGroup
 from ballbar.ident.performance import iso_9283 as iso
 from ballbar.ident.performance.attained import NOT_CORRECTED, Attained
-from ballbar.ident.performance.characteristics import Listing, Statement, not_stated
+from ballbar.ident.performance.characteristics import CIRCULAR, Listing, Statement, not_stated
 from ballbar.ident.performance.iso_230_4 import (
     CircularTest,
     bidirectional_deviation,
@@ -156,7 +156,7 @@ def add_circle(
     listing: Listing, place: str, test: CircularTest, left: CircularTest | None, *, cycles: int
 ) -> None:
     """Add G, F and roundness; left : what the identified robot leaves, None where not known."""
-    for symbol in ("G", "G_cw", "G(b)", "F_max", "F_min", "RONt"):
+    for symbol in CIRCULAR:
         values = [None if t is None else _circular(t)[symbol] for t in (test, left)]
         if values[0] is None:
             continue

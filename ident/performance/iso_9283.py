@@ -169,18 +169,12 @@ def mean_half_width(values: Array) -> float:
     return float(stdtrit(n - 1, 0.5 + 0.5 * COVERAGE) * values.std(ddof=1) / np.sqrt(n))
 
 
-def repeatability_half_width(attained: Array) -> float:
-    """[m] half width of the 95 % interval of RP_l = l_bar + 3 S_l of positions (n, 3) [m].
-
-    Variances of mean and standard deviation of n normal distances: S^2/n and S^2 / (2 (n - 1)).
-    """
-    n, away = len(attained), _from_barycentre(attained)
-    sigma = away.std(ddof=1) * np.sqrt(1.0 / n + 4.5 / (n - 1))
-    return float(stdtrit(n - 1, 0.5 + 0.5 * COVERAGE) * sigma)
-
-
 def deviation_interval(n: int) -> tuple[float, float]:
-    """Ends of the 95 % interval of a standard deviation of n normal values, as factors of it."""
+    """Ends of the 95 % interval of a standard deviation of n normal values, as factors of it.
+
+    They hold for RP_l of positions that spread along one direction, and are wider than needed where
+    the positions spread along three.
+    """
     low, high = (chi_square_quantile(0.5 + side * COVERAGE, n - 1) for side in (0.5, -0.5))
     return float(np.sqrt((n - 1) / low)), float(np.sqrt((n - 1) / high))
 

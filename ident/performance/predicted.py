@@ -47,8 +47,8 @@ EXTRAPOLATED = "outside the range of axes that was fitted: by the model alone"
 class RandomErrors:
     """Standard deviations [rad] of what the axes repeat with, and where they are from."""
 
-    main: float  # of axes 1 to 3
-    wrist: float
+    main: float = 0.0  # of axes 1 to 3
+    wrist: float = 0.0
 
     @property
     def known(self) -> bool:
@@ -62,7 +62,7 @@ class Prediction:
 
     nominal: IdentifiedKinematics
     identified: IdentifiedKinematics
-    random: RandomErrors | None  # None: the result holds none
+    random: RandomErrors = RandomErrors()
 
     @property
     def robot(self) -> IdentifiedRobot:
@@ -99,7 +99,6 @@ class Prediction:
 
     def spread(self, q: Array) -> Array:
         """(N, 3, 3) [m^2] of the tool by random errors of the axes."""
-        assert self.random is not None  # the caller's condition
         joints = self.robot.robot.joints
         sigma = np.where(np.arange(joints) < 3, self.random.main, self.random.wrist)
         screws = joint_screws(self.robot.frames(q))[:joints, :3]
@@ -125,6 +124,7 @@ def predict(prediction: Prediction, cube: TestCube | None) -> Listing:
             _add_pose(listing, prediction, q[[k]], f"P{k + 1}", _part(corrected, k))
         _add_distance(listing, prediction, q[[1, 3]])
         _add_path(listing, prediction, cube)
+        _add_repeatability(listing, prediction, q)
     _add_workspace(listing, prediction)
     for symbol, why in REPEATED:
         listing.add(symbol, "test poses", (not_stated(why),) * 3)
@@ -145,7 +145,7 @@ def _add_pose(
     place: str,
     corrected: tuple[Array, float] | str,
 ) -> None:
-    """AP and RP of one pose."""
+    """AP of one pose."""
     (shift,), (turn,) = prediction.bias(q)
     remark = "" if prediction.robot.covered(q).all() else EXTRAPOLATED
     own = _with_remark(unknown_error(prediction.covariance(q)[0]), remark)
@@ -159,31 +159,22 @@ def _add_pose(
         why = "the result states no uncertainty of orientations"
         stated = Statement("predicted", float(angle), reason=why)
         listing.add(symbol, place, (stated, not_stated(why), not_stated(why)))
-    listing.add("RP_l", place, (_repeatability(prediction, q),) * 3)
 
 
-def _repeatability(prediction: Prediction, q: Array) -> Statement:
-    """RP_l, the same of every robot: a correction moves the poses, not their spread."""
-    if refusal := _unknown_spread(prediction):
-        return refusal
-    mean, deviation = length_moments(prediction.spread(q)[0])
-    return Statement("predicted", mean + 3.0 * deviation, reason=_OF_AXES)
-
-
-_OF_AXES = "random errors of the axes that the fit left over; how the servo stops is not among them"
-
-
-def _unknown_spread(prediction: Prediction) -> Statement | None:
-    """Why no repeatability is predicted; None where it is."""
-    if prediction.random is None:
-        return not_stated("poses that do not repeat show no random error: measure repetitions")
-    if not prediction.random.known:
-        return not_stated("the fit saw no random errors of the axes: measure repetitions")
-    return None
+def _add_repeatability(listing: Listing, prediction: Prediction, q: Array) -> None:
+    """Repeatabilities, of which nothing is predicted but what random errors of the axes make."""
+    why = more = "how the servo stops is not known: measure repetitions"
+    if prediction.random.known:
+        moments = map(length_moments, prediction.spread(q))
+        size = max(mean + 3.0 * deviation for mean, deviation in moments) * 1e3
+        more += f"; random errors of the axes that the fit left over make {size:.2g} mm of it"
+    listing.add("RP_l", "test poses", (not_stated(more),) * 3)
+    listing.add("RD", "P2-P4", (not_stated(why),) * 3)
+    listing.add("RT_p", "P2-P4", (not_stated(why),) * 3)
 
 
 def _add_distance(listing: Listing, prediction: Prediction, q: Array) -> None:
-    """AD and RD between two poses q (2, J) [rad].
+    """AD between two poses q (2, J) [rad].
 
     Errors at the two poses are correlated to a degree that the result does not state; the deviation
     of their difference is at most the sum of their deviations.
@@ -201,15 +192,10 @@ def _add_distance(listing: Listing, prediction: Prediction, q: Array) -> None:
         own = not_stated(OUTSIDE)
     stated = Statement("predicted", off, off - width, off + width) if np.isfinite(sigma) else own
     listing.add("AD_p", "P2-P4", (stated, own, own))
-    refusal = _unknown_spread(prediction)
-    if refusal is None:
-        spread = np.einsum("c,ncd,d->", along, prediction.spread(q), along)
-        refusal = Statement("predicted", 3.0 * float(np.sqrt(spread)), reason=_OF_AXES)
-    listing.add("RD", "P2-P4", (refusal,) * 3)
 
 
 def _add_path(listing: Listing, prediction: Prediction, cube: TestCube) -> None:
-    """AT and RT along the straight path from P2 to P4, of the geometry alone."""
+    """AT along the straight path from P2 to P4, of the geometry alone."""
     poses = np.tile(cube.poses[1], (PATH, 1, 1))
     share = np.linspace(0.0, 1.0, PATH)[:, None]
     begin, end = cube.poses[[1, 3], :3, 3]
@@ -217,8 +203,7 @@ def _add_path(listing: Listing, prediction: Prediction, cube: TestCube) -> None:
     solved = prediction.nominal.nearest(poses, cube.q[0])
     if not (solved.reached & solved.within).all():
         no_path = not_stated("the robot does not take the straight path from P2 to P4")
-        for symbol in ("AT_p", "RT_p"):
-            listing.add(symbol, "P2-P4", (no_path,) * 3)
+        listing.add("AT_p", "P2-P4", (no_path,) * 3)
         return
     along = (end - begin) / np.linalg.norm(end - begin)
     across = np.eye(3) - np.outer(along, along)
@@ -229,12 +214,6 @@ def _add_path(listing: Listing, prediction: Prediction, cube: TestCube) -> None:
     own = max((unknown_error(c) for c in covariance), key=lambda s: s.value or 0.0)
     stated = known_deviation(away[worst], covariance[worst])
     listing.add("AT_p", "P2-P4", (stated, own, own))
-    refusal = _unknown_spread(prediction)
-    if refusal is None:
-        spreads = map(length_moments, across @ prediction.spread(solved.q) @ across)
-        worst_spread = max(mean + 3.0 * deviation for mean, deviation in spreads)
-        refusal = Statement("predicted", worst_spread, reason=_OF_AXES)
-    listing.add("RT_p", "P2-P4", (refusal,) * 3)
 
 
 def _add_workspace(listing: Listing, prediction: Prediction) -> None:

@@ -107,14 +107,12 @@ class _Still:
         value = float(iso.pose_repeatability(own))
         noise = length_moments(np.diag((self.group.sigma[rows, :3] ** 2).mean(axis=0)))
         share = (noise[0] + 3.0 * noise[1]) * 1e3
-        stated = replace(
-            _about(value, iso.repeatability_half_width(own), least=0.0),
-            reason=f"{share:.2g} mm would follow from the instrument's stated noise alone",
-        )
+        low, high = iso.deviation_interval(rows.size)
+        remark = f"{share:.2g} mm would follow from the instrument's stated noise alone"
+        stated = Statement("measured", value, low * value, high * value, remark)
         self.listing.add("RP_l", place, (stated,) * 3, cycles=rows.size)
         turns = self.seen[1].turns
         if turns is not None:
-            low, high = iso.deviation_interval(rows.size)
             for axis, size in zip(ANGLES, iso.orientation_repeatability(turns[rows]), strict=True):
                 each = Statement("measured", float(size), float(low * size), float(high * size))
                 self.listing.add(f"RP_{axis}", place, (each,) * 3, cycles=rows.size)
