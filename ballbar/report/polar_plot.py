@@ -26,7 +26,7 @@ def polar_plot(test: CircularTest) -> Markup:
     largest = float(np.abs(test.deviation).max()) or 1e-9
     magnification = SHARE * RADIUS / largest
     centre = (0.5 * WIDTH, ROW + 0.2 * INCH + (1.0 + SHARE) * RADIUS)
-    height = 2.0 * centre[1] + 3.0 * ROW
+    height = centre[1] + (1.0 + SHARE) * RADIUS + 4.0 * ROW
     parts = [
         *_rings(centre, largest, magnification),
         *_axes(centre),
@@ -79,7 +79,7 @@ def _words(test: CircularTest, height: float, largest: float) -> Iterator[str]:
     times = SHARE * test.radius / largest
     yield words(
         (0.5 * WIDTH, height - 1.6 * ROW),
-        f"{division:g} {unit} a division, magnified {times:,.0f} times".replace(",", " "),
+        f"a division is {division:g} {unit}, magnified {times:.0f} times",
         "middle",
         INK,
     )

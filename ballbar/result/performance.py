@@ -139,7 +139,7 @@ def _poses_of(stored: Calibration, recording: Recording) -> PoseTable:
         target="target",
         q=np.column_stack([np.interp(at, log.t, column) for column in log.q.T]),
         values=lengths.length[:, None],
-        sigma=np.ones((at.size, 1)),
+        sigma=np.zeros((at.size, 1)),  # not stated
         rows=np.arange(at.size),
         file="",
         time=lengths.t,

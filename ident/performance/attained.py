@@ -18,10 +18,17 @@ from ballbar.cell.poses import PoseGroup
 from ballbar.cell.rigid_fit import kabsch, nearest_rotation
 from ballbar.cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from ballbar.ident.performance.characteristics import not_stated
-from ballbar.ident.performance.predicted import Prediction
+from ballbar.ident.performance.predicted import Prediction, length_moments
 
 ROUNDS = 30  # of Gauss-Newton from a seat by points to seat and target
 NOT_CORRECTED = not_stated("measured at targets that were not corrected")
+
+
+def noise_remark(group: PoseGroup) -> str:
+    """Sentence on the repeatability that the stated noise of the instrument alone would make."""
+    mean, deviation = length_moments(np.diag((group.sigma[:, :3] ** 2).mean(axis=0)))
+    size = (mean + 3.0 * deviation) * 1e3
+    return f"{size:.2g} mm would follow from the instrument's stated noise alone"
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,15 @@ circular test, by positions or by the length of a telescoping ball-bar about its
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.poses import PoseGroup
+from ballbar.cell.statistics import rms
 from ballbar.ident.performance import iso_9283 as iso
-from ballbar.ident.performance.attained import NOT_CORRECTED, Attained
+from ballbar.ident.performance.attained import NOT_CORRECTED, Attained, noise_remark
 from ballbar.ident.performance.characteristics import CIRCULAR, Listing, Statement, not_stated
 from ballbar.ident.performance.iso_230_4 import (
     CircularTest,
@@ -22,88 +24,91 @@ from ballbar.ident.performance.iso_230_4 import (
     circular_test,
     circular_test_of_lengths,
     least_squares_circle,
+    mean_path,
     plane_of,
 )
 
 LEAST_CYCLES = 3  # from which a spread is stated
 POINTS = 100  # of a path at which its normal planes stand
-UNIFORM = 6000  # instants of a log in which laps are sought
-REPEATED = 1e-3  # mean square difference of laps over that of unlike parts of the path
-MOVING = 0.05  # of the largest speed from which the path has begun
+SAME = 0.01  # of the extent of the angles within which two instants are of one point of a path
+REGULAR = 0.01  # of a lap by which laps may differ in length
 BEYOND = 0.03  # of a lap, before and behind it, in which planes may be passed as well
 CIRCLE_ROWS = 36  # from which a commanded path may be a circle
 ROUND = 0.01  # of its radius by which a commanded circle may be off
 
 
-def lap_of(time: Array, q: Array) -> tuple[float, float] | None:
-    """Start and period [s] of a path that is passed again and again; None where it is not.
+def laps_of(time: Array, q: Array) -> tuple[Array, float]:
+    """Starts (n,) [s] and length [s] of the laps of a path; no starts where none is repeated.
 
-    time : (N,) [s]; q : (N, J) [rad]. The period is the first lag at which the angles agree with
-    themselves, by their mean square difference.
+    time : (N,) [s]; q : (N, J) [rad]. A lap is from one passage of the fastest point of the first
+    half to the next in the same direction, and passes the same angles as the first one.
     """
-    grid = np.linspace(time[0], time[-1], min(UNIFORM, 4 * time.size))
-    angles = np.column_stack([np.interp(grid, time, column) for column in q.T])
-    speed = np.abs(np.diff(angles, axis=0)).max(axis=1)
-    moves = np.flatnonzero(speed > MOVING * speed.max())
-    if moves.size < 3:
-        return None
-    grid, angles = grid[moves[0] : moves[-1] + 2], angles[moves[0] : moves[-1] + 2]
-    angles = angles - angles.mean(axis=0)
-    n, square = len(angles), (angles**2).sum(axis=1)
-    transform = np.fft.rfft(angles, 2 * n, axis=0)
-    products = np.fft.irfft((np.abs(transform) ** 2).sum(axis=1))[: n // 2 + 1]
-    total = np.concatenate(([0.0], np.cumsum(square)))
-    lags = np.arange(n // 2 + 1)
-    difference = (total[n - lags] + total[n] - total[lags] - 2.0 * products) / (n - lags)
-    unlike = difference > 0.1 * difference.max()
-    again = np.flatnonzero((difference < REPEATED * difference.max()) & (unlike.cumsum() > 0))
-    if not again.size:
-        return None
-    ends = np.flatnonzero(np.diff(again) > 1)
-    last = again[ends[0]] if ends.size else again[-1]
-    lag = int(again[0] + difference[again[0] : last + 1].argmin())
-    return float(grid[0]), lag * float(grid[1] - grid[0])
+    speed = np.gradient(q, time, axis=0)
+    reference = int(np.linalg.norm(speed[: time.size // 2], axis=1).argmax())
+    extent = float(np.ptp(q, axis=0).max())
+    away = np.abs(q - q[reference]).max(axis=1)
+    rows = np.flatnonzero((away < SAME * extent) & (speed @ speed[reference] > 0.0))
+    passages = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    starts = time[[int(own[away[own].argmin()]) for own in passages]]
+    if starts.size < 2:
+        return starts[:0], 0.0
+    length = float(np.median(np.diff(starts)))
+    starts = starts[:-1][np.abs(np.diff(starts) - length) < REGULAR * length]
+    shares = length * np.linspace(0.0, 1.0, POINTS, endpoint=False)
+    paths = np.stack([np.interp(starts[:, None] + shares, time, column) for column in q.T])
+    off = np.abs(paths - paths[:, :1]).max(axis=(0, 2), initial=0.0)
+    return starts[off < 2.0 * SAME * extent], length
 
 
 def add_path(listing: Listing, group: PoseGroup, seen: Sequence[Attained]) -> None:
     """AT and RT of a path that was passed several times while an instrument followed."""
     assert group.time is not None  # an instrument that follows has a clock
-    lap = lap_of(group.time, group.q)
-    cycles = 0 if lap is None else int((group.time[-1] - lap[0]) / lap[1] + BEYOND)
-    stated, spread = list[Statement](), not_stated("the path does not repeat: pass it three times")
-    if lap is not None and cycles >= LEAST_CYCLES:
+    starts, length = laps_of(group.time, group.q)
+    accuracy = [not_stated("the path does not repeat: pass it three times or more")] * 3
+    spread = accuracy[0]
+    if starts.size >= LEAST_CYCLES:
+        accuracy = []
         for each in seen:
-            paths, commanded = _laps(group.time, each, lap, cycles)
-            stated.append(Statement("measured", iso.path_accuracy(paths, commanded)))
-            spread = Statement("measured", iso.path_repeatability(paths))
-    accuracy = (*stated, NOT_CORRECTED) if stated else (spread,) * 3
-    listing.add("AT_p", "path", accuracy, cycles=cycles)
-    listing.add("RT_p", "path", (spread,) * 3, cycles=cycles)
+            paths, commanded = _laps(group.time, each, starts, length)
+            accuracy.append(Statement("measured", iso.path_accuracy(paths, commanded)))
+            spread = Statement(
+                "measured", iso.path_repeatability(paths), reason=noise_remark(group)
+            )
+        accuracy.append(NOT_CORRECTED)
+    listing.add("AT_p", "path", accuracy, cycles=starts.size)
+    listing.add("RT_p", "path", (spread,) * 3, cycles=starts.size)
 
 
-def _laps(
-    time: Array, seen: Attained, lap: tuple[float, float], cycles: int
-) -> tuple[Array, Array]:
+def _laps(time: Array, seen: Attained, starts: Array, length: float) -> tuple[Array, Array]:
     """Attained paths (n, m, 3) [m] in the normal planes of the commanded points (m, 3) [m].
 
     Points whose plane some lap does not pass, such as at its ends, are left out.
     """
-    start, period = lap
-    instants = start + period * np.linspace(0.0, 1.0, POINTS, endpoint=False)
+    instants = starts[0] + length * np.linspace(0.0, 1.0, POINTS, endpoint=False)
     commanded = np.column_stack([np.interp(instants, time, column) for column in seen.commanded.T])
     paths = []
-    for k in range(cycles):
-        first = start + (k - BEYOND) * period
-        rows = (time >= first) & (time <= first + (1.0 + 2.0 * BEYOND) * period)
+    for start in starts:
+        first, last = start - BEYOND * length, start + (1.0 + BEYOND) * length
+        rows = (time >= first) & (time <= last)
         paths.append(iso.in_normal_planes(seen.points[rows], commanded))
     passed = np.isfinite(paths).all(axis=(0, 2))
     return np.stack(paths)[:, passed], commanded[passed]
 
 
-def circle_of(seen: Sequence[Attained]) -> tuple[CircularTest, CircularTest] | None:
-    """The circular test of positions, and that of what the identified robot leaves of them.
+@dataclass(frozen=True, eq=False)
+class MeasuredCircle:
+    """Circular test of the mean path of all laps, and what the identified robot leaves of it."""
 
-    seen : by the nominal and the identified robot. None where the commanded path is no full circle.
+    test: CircularTest
+    left: CircularTest | None  # None: not known
+    laps: int
+    noise: float  # [m] standard deviation of one point along the radius; 0 where not stated
+
+
+def circle_of(seen: Sequence[Attained], group: PoseGroup) -> MeasuredCircle | None:
+    """The circle of a group's positions; None where the commanded path is no full circle.
+
+    seen : by the nominal and the identified robot.
     """
     nominal, identified = seen
     if (commanded := _commanded_circle(nominal.commanded)) is None:
@@ -114,15 +119,17 @@ def circle_of(seen: Sequence[Attained]) -> tuple[CircularTest, CircularTest] | N
         actual, rest = (
             circular_test((points - centre) @ axes.T, radius) for points in (nominal.points, left)
         )
+        means = [circular_test(mean_path(test), radius) for test in (actual, rest)]
     except ValueError:
         return None
-    return actual, rest
+    noise = float(rms(group.sigma[:, :3])) * float(np.sqrt(means[0].angle.size / actual.angle.size))
+    return MeasuredCircle(means[0], means[1], actual.laps, noise)
 
 
 def circle_of_lengths(
     commanded: Array, group: PoseGroup, radius: float | None
-) -> CircularTest | None:
-    """The circular test of a telescoping ball-bar; None where the path is no full circle.
+) -> MeasuredCircle | None:
+    """The circle of a telescoping ball-bar; None where the path is no full circle.
 
     commanded : (N, 3) [m] path of the flange, whose angle about its own centre is that of the bar.
     radius : [m] nominal length of the bar; None: the mean length.
@@ -132,10 +139,14 @@ def circle_of_lengths(
     centre, axes, _ = circle
     across = (commanded - centre) @ axes.T
     angle, length = np.arctan2(across[:, 1], across[:, 0]), group.values[:, 0]
+    nominal = radius or float(length.mean())
     try:
-        return circular_test_of_lengths(angle, length, radius or float(length.mean()))
+        test = circular_test_of_lengths(angle, length, nominal)
+        mean = circular_test(mean_path(test), nominal)
     except ValueError:
         return None
+    noise = float(rms(group.sigma)) * float(np.sqrt(mean.angle.size / test.angle.size))
+    return MeasuredCircle(mean, None, test.laps, noise)
 
 
 def _commanded_circle(points: Array) -> tuple[Array, Array, float] | None:
@@ -152,19 +163,21 @@ def _commanded_circle(points: Array) -> tuple[Array, Array, float] | None:
     return origin + middle @ axes, axes, radius
 
 
-def add_circle(
-    listing: Listing, place: str, test: CircularTest, left: CircularTest | None, *, cycles: int
-) -> None:
-    """Add G, F and roundness; left : what the identified robot leaves, None where not known."""
+def add_circle(listing: Listing, place: str, circle: MeasuredCircle) -> None:
+    """Add G, F and roundness of a circle."""
+    count = circle.test.angle.size
+    # expected range of so many normal values (Cramer 1946)
+    width = 2.0 * circle.noise * float(np.sqrt(2.0 * np.log(count)))
+    remark = f"about {width * 1e3:.2g} mm would follow from the instrument's stated noise alone"
+    values, rest = _circular(circle.test), None if circle.left is None else _circular(circle.left)
     for symbol in CIRCULAR:
-        values = [None if t is None else _circular(t)[symbol] for t in (test, left)]
-        if values[0] is None:
+        if (value := values[symbol]) is None:
             continue
         own = not_stated("a length alone does not place the bar on the identified robot")
-        if values[1] is not None:
-            own = Statement("measured", values[1], reason="what the identified robot leaves")
-        statements = (Statement("measured", values[0]), own, NOT_CORRECTED)
-        listing.add(symbol, place, statements, cycles=cycles)
+        if rest is not None:
+            own = Statement("measured", rest[symbol], reason="what the identified robot leaves")
+        measured = Statement("measured", value, reason=remark if width > 0.0 else "")
+        listing.add(symbol, place, (measured, own, NOT_CORRECTED), cycles=circle.laps)
 
 
 def _circular(test: CircularTest) -> dict[str, float | None]:

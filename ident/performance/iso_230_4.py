@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 
 WINDOW = 0.005  # of the rows: longer than what noise reverses where the robot dwells
+ARC = np.deg2rad(1.0)  # over which rows are averaged
 FULL = np.deg2rad(350.0)  # of a path that counts as a full circle
 
 
@@ -31,6 +32,12 @@ class CircularTest:
     radius: float  # [m] of the least-squares circle
     nominal: float  # [m] of the nominal circle
     eccentricity: Array  # (2,) [m] centre of the least-squares circle from the origin of the rows
+
+    @property
+    def laps(self) -> int:
+        """Full circles that were passed, both directions together."""
+        turns = (self.angle[self.counter_clockwise == way] for way in (True, False))
+        return round(sum(float(np.ptp(own)) if own.size else 0.0 for own in turns) / (2.0 * np.pi))
 
     @property
     def roundness(self) -> float:
@@ -94,6 +101,24 @@ def circular_test_of_lengths(angle: Array, length: Array, nominal: float) -> Cir
     """The test of a telescoping ball-bar: lengths (N,) [m] at angles (N,) [rad] about its seat."""
     along = np.column_stack((np.cos(angle), np.sin(angle)))
     return circular_test(length[:, None] * along, nominal)
+
+
+def mean_path(test: CircularTest) -> Array:
+    """(K, 2) [m] mean points of arcs of ARC about the circle, there and then back, over all laps.
+
+    Means of many rows take noise of the instrument off, which would widen every range of radii.
+    """
+    points = []
+    arcs = np.floor(np.mod(test.angle, 2.0 * np.pi) / ARC).astype(np.intp)
+    radius = test.radius + test.deviation
+    given = np.column_stack((radius * np.cos(test.angle), radius * np.sin(test.angle)))
+    for way in (True, False):
+        rows = test.counter_clockwise == way
+        counts = np.bincount(arcs[rows])
+        sums = np.column_stack([np.bincount(arcs[rows], column) for column in given[rows].T])
+        means = sums[counts > 0] / counts[counts > 0, None]
+        points.append(means if way else means[::-1])
+    return np.vstack(points)
 
 
 def circular_deviation(test: CircularTest, *, counter_clockwise: bool) -> float | None:

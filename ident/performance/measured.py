@@ -10,6 +10,7 @@ from ballbar.ident.performance.attained import attained
 from ballbar.ident.performance.characteristics import Listing
 from ballbar.ident.performance.cube import TestCube
 from ballbar.ident.performance.followed_path import (
+    MeasuredCircle,
     add_circle,
     add_path,
     circle_of,
@@ -40,23 +41,23 @@ def measure(
     for group in table.groups:
         place = "circle" if len(table.groups) == 1 else f"circle about {group.seat}"
         if group.kind.directions < 3:
-            circle, left = _length_circle(prediction.nominal.identified, group, radius), None
+            circle = _length_circle(prediction.nominal.identified, group, radius)
         else:
             seen = attained(prediction, group, targets.get(group.target))
             if group.motion is None:
                 add_repeated(listing, group, seen, cube)
             else:
                 add_path(listing, group, seen)
-            circle, left = circle_of(seen) or (None, None)
+            circle = circle_of(seen, group)
         if circle is not None:
-            add_circle(listing, place, circle, left, cycles=group.size)
-            circles.append((place, circle))
+            add_circle(listing, place, circle)
+            circles.append((place, circle.test))
     return tuple(circles)
 
 
 def _length_circle(
     nominal: IdentifiedRobot, group: PoseGroup, radius: float | None
-) -> CircularTest | None:
+) -> MeasuredCircle | None:
     """The circular test of lengths; None of other kinds of instruments, and off a circle."""
     if group.kind.names != ("length",):
         return None

@@ -208,7 +208,8 @@ def _add_path(listing: Listing, prediction: Prediction, cube: TestCube) -> None:
     along = (end - begin) / np.linalg.norm(end - begin)
     across = np.eye(3) - np.outer(along, along)
     shift, _ = prediction.bias(solved.q)
-    covariance = across @ prediction.covariance(solved.q) @ across
+    with np.errstate(invalid="ignore"):  # infinite where nothing is known
+        covariance = across @ prediction.covariance(solved.q) @ across
     away = shift @ across
     worst = int(np.linalg.norm(away, axis=1).argmax())
     own = max((unknown_error(c) for c in covariance), key=lambda s: s.value or 0.0)

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 from ballbar.cell.poses import PoseGroup
 from ballbar.ident.performance import iso_9283 as iso
-from ballbar.ident.performance.attained import NOT_CORRECTED, Attained
+from ballbar.ident.performance.attained import NOT_CORRECTED, Attained, noise_remark
 from ballbar.ident.performance.characteristics import Listing, Statement, not_stated
 from ballbar.ident.performance.cube import TestCube
-from ballbar.ident.performance.predicted import length_moments
 
 SAME = 1e-3  # [rad] of every axis within which two poses are of one command
 LEAST_CYCLES = 3  # from which a spread is stated
@@ -105,11 +104,8 @@ class _Still:
     def _add_repeatability(self, place: str, rows: NDArray[np.intp]) -> None:
         own = self.group.values[rows, :3]
         value = float(iso.pose_repeatability(own))
-        noise = length_moments(np.diag((self.group.sigma[rows, :3] ** 2).mean(axis=0)))
-        share = (noise[0] + 3.0 * noise[1]) * 1e3
         low, high = iso.deviation_interval(rows.size)
-        remark = f"{share:.2g} mm would follow from the instrument's stated noise alone"
-        stated = Statement("measured", value, low * value, high * value, remark)
+        stated = Statement("measured", value, low * value, high * value, noise_remark(self.group))
         self.listing.add("RP_l", place, (stated,) * 3, cycles=rows.size)
         turns = self.seen[1].turns
         if turns is not None:
