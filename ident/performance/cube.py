@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 from ballbar.cell.numerical_inverse import length_of
 from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.cell.rotation import matrix_from_rotvec
 from ballbar.ident.robot.accuracy import accuracy_grid
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics
@@ -27,8 +28,8 @@ SIDES = (1.0, 0.63, 0.4, 0.25)  # [m] edges that the standard prefers
 PLANE = ((-1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (1.0, 1.0, 1.0), (1.0, -1.0, 1.0))  # C1 C2 C7 C8
 FROM_END = 0.1  # of a diagonal
 TILTS = np.deg2rad([180.0, 135.0, 90.0])  # of the flange's axis from the vertical that are tried
-STEPS = range(-6, 7)  # of the centre that are tried
-STEP = 0.12  # of half the length of the robot's chain
+STEPS = range(-4, 5)  # of the centre that are tried
+STEP = 0.15  # of half the length of the robot's chain
 CLEAR = 0.1  # of the same, between the cube and the axis of the base
 
 
@@ -80,13 +81,10 @@ def _candidates(nominal: IdentifiedKinematics, side: float, tilt: float) -> Iter
     front = nominal.forward(_home(nominal)[None])[0, :2, 3]
     size = float(np.linalg.norm(front))
     ahead = front / size if size > CLEAR * reach else np.array([1.0, 0.0])
-    turn = np.array(  # the flange's axis, upward at no tilt, leans ahead
-        [
-            [ahead[0] * np.cos(tilt), -ahead[1], ahead[0] * np.sin(tilt)],
-            [ahead[1] * np.cos(tilt), ahead[0], ahead[1] * np.sin(tilt)],
-            [-np.sin(tilt), 0.0, np.cos(tilt)],
-        ]
-    )
+    azimuth = float(np.arctan2(ahead[1], ahead[0]))
+    # the flange's axis, upward at no tilt, leans ahead
+    lean, turn = matrix_from_rotvec(np.array([[0.0, 0.0], [tilt, 0.0], [0.0, azimuth]])).T
+    turn = (lean @ turn).T
     poses = np.tile(np.eye(4), (5, 1, 1))
     poses[:, :3, :3] = turn @ nominal.identified.tool_matrix[:3, :3]
     for out, up in sorted(product(STEPS, STEPS), key=lambda s: s[0] ** 2 + s[1] ** 2):

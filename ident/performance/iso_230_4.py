@@ -97,12 +97,6 @@ def _grows(angle: Array) -> NDArray[np.bool_]:
     return np.asarray(angle[np.minimum(rows + window, last)] >= angle[np.maximum(rows - window, 0)])
 
 
-def circular_test_of_lengths(angle: Array, length: Array, nominal: float) -> CircularTest:
-    """The test of a telescoping ball-bar: lengths (N,) [m] at angles (N,) [rad] about its seat."""
-    along = np.column_stack((np.cos(angle), np.sin(angle)))
-    return circular_test(length[:, None] * along, nominal)
-
-
 def mean_path(test: CircularTest) -> Array:
     """(K, 2) [m] mean points of arcs of ARC about the circle, there and then back, over all laps.
 

@@ -94,7 +94,7 @@ def test_a_set_up_error_leaves_no_deviation() -> None:
     """A bar whose seat is 0.2 off the centre of a true circle of 150: lengths vary by 0.4."""
     path = points(TURN, 150.0) - np.array([0.2, 0.0])
     length = np.linalg.norm(path, axis=1)
-    test = iso.circular_test_of_lengths(np.arctan2(path[:, 1], path[:, 0]), length, 150.0)
+    test = iso.circular_test(points(np.arctan2(path[:, 1], path[:, 0]), length), 150.0)
     assert np.ptp(length) == pytest.approx(0.4, abs=1e-9)
     assert test.roundness < 1e-9
     assert test.eccentricity == pytest.approx(np.array([-0.2, 0.0]), abs=1e-9)
@@ -112,3 +112,18 @@ def test_the_plane_of_a_tilted_circle() -> None:
     centre, found = iso.plane_of(given)
     assert centre == pytest.approx(np.array([1.0, 2.0, 3.0]), abs=1e-9)
     assert np.cross(*found) == pytest.approx(np.array([0.0, -0.6, 0.8]), abs=1e-9)
+
+
+def test_the_mean_path_is_of_all_laps_and_keeps_the_directions_apart() -> None:
+    """Two laps there with radii 99.9 and 100.1 and one back with 100.3: means 100 and 100.3; rows
+    at half degrees lie in pairs in arcs of a degree, whose chord's middle is 1 - 5e-6 as far off.
+    """
+    one = TURN[:-1] + np.deg2rad(0.25)
+    path = np.vstack(
+        [points(one, 99.9), points(one, 100.1), points(one[::-1], 100.3), points(one[:1], 100.3)]
+    )
+    means = iso.mean_path(iso.circular_test(path, 100.0))
+    radii = np.linalg.norm(means, axis=1)
+    assert len(means) == 720
+    assert np.median(radii[:360]) == pytest.approx(100.0, abs=2e-3)
+    assert np.median(radii[360:]) == pytest.approx(100.3, abs=2e-3)
