@@ -8,9 +8,9 @@ robot's log at the instants of its rows, and a clock. A recording of a ball-bar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from ballbar.cell.geometry import BAR_ROWS, Geometry
 from ballbar.cell.placement import target_frames
 from ballbar.cell.poses import JointMotion, PoseGroup
 from ballbar.cell.robot_angles import by_axis
+from ballbar.cell.statistics import rms
 from ballbar.ident.corrections.base import BAR, GEAR, State
 from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.ident.estimator.samples import Samples
@@ -109,6 +110,22 @@ class StillPoses:
             parts.append(np.repeat(np.diag(unexplained)[:, :, None], self.size, axis=2))
         return np.concatenate(parts)
 
+    @property
+    def silent(self) -> Self:
+        """The same without noise."""
+        group = replace(self.group, sigma=0.0 * self.group.sigma)
+        return replace(self, group=group, angle_noise=0.0 * self.angle_noise)
+
+    @property
+    def noise_sources(self) -> list[tuple[str, StillPoses, float]]:
+        """Name and standard deviation [m, rad, s] of each noise by itself, the others off."""
+        silent, group = self.silent, self.group
+        name = "bearings" if group.kind.units[:1] == ("rad",) else "instrument"
+        return [
+            ("joint_log", replace(silent, angle_noise=self.angle_noise), rms(self.angle_noise)),
+            (name, replace(silent, group=group), rms(group.sigma[:, 0])),
+        ]
+
     def own_geometry(self, layout: Unknowns, k: int) -> tuple[NDArray[np.intp], slice]:
         """No parameters of the mechanism are their own."""
         del layout, k
@@ -171,6 +188,17 @@ class FollowedPoses(StillPoses):
         if not self.stamp_noise:
             return parts
         return np.concatenate((parts, self.stamp_noise * point.time_column[None]))
+
+    @property
+    def silent(self) -> Self:
+        """The same without noise."""
+        return replace(super().silent, stamp_noise=0.0)
+
+    @property
+    def noise_sources(self) -> list[tuple[str, StillPoses, float]]:
+        """Name and standard deviation of each noise by itself, of the stamps too."""
+        stamped = replace(self.silent, stamp_noise=self.stamp_noise)
+        return [*super().noise_sources, ("stamps", stamped, self.stamp_noise)]
 
     def own_columns(
         self, layout: Unknowns, x: Array, k: int, point: Evaluation, weights: Whitening
