@@ -20,7 +20,7 @@ from ballbar.cell.poses import PoseGroup, PoseTable
 from ballbar.ident.performance.characteristics import ROBOTS, Characteristic, Performance, merged
 from ballbar.ident.performance.cube import fitting_cube
 from ballbar.ident.performance.measured import Circle, measure
-from ballbar.ident.performance.predicted import Prediction, predict
+from ballbar.ident.performance.predicted import RobotPair, predict
 from ballbar.ident.robot.identified_kinematics import kinematics
 from ballbar.recordings.read import Thing, measured
 from ballbar.result.calibration import Calibration, load
@@ -58,29 +58,29 @@ def performance(
     result that states no uncertainty.
     """
     stored = calibration if isinstance(calibration, Calibration) else load(calibration)
-    prediction = prediction_of(stored)
-    cube = fitting_cube(prediction.nominal, prediction.robot, side)
+    robots = robots_of(stored)
+    cube = fitting_cube(robots.nominal, robots.robot, side)
     if cube is None and side is not None:
         remedy = "Choose a smaller one, or none for the largest that fits."
         raise InputError(f"the robot does not take the poses of a cube of {side:g} m. {remedy}")
     rows, circles, notes = list[Characteristic](), list[Circle](), list(NOTES)
     if thing is not None:
         table, targets = _poses_of(stored, measured(thing, cell)), stored.targets
-        rows, circles = measure(prediction, targets, table, cube, radius=radius)
+        rows, circles = measure(robots, targets, table, cube, radius=radius)
         notes.append(COMMANDED if rows else NOTHING)
         if circles and radius is None and table.groups[0].measured == "length":
             notes.append(NO_RADIUS)
-    stated = merged(rows, predict(prediction, cube))
+    stated = merged(rows, predict(robots, cube))
     if cube is None:
         return Performance(stated, tuple(notes), tuple(circles))
     return Performance(stated, tuple(notes), tuple(circles), cube.side, cube.poses)
 
 
-def prediction_of(calibration: Calibration) -> Prediction:
+def robots_of(calibration: Calibration) -> RobotPair:
     """The identified robot of a result beside its nominal one, with the tool of both the same."""
     robot, chain = calibration.identified_robot(), calibration.nominal_chain
     geometry = geometry_of_chain(parameter_table(robot.robot), chain)
-    return Prediction(kinematics(robot.rigid(geometry), chain), kinematics(robot, chain))
+    return RobotPair(kinematics(robot.rigid(geometry), chain), kinematics(robot, chain))
 
 
 def _poses_of(stored: Calibration, read: Recording | PoseImport) -> PoseTable:

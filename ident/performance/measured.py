@@ -20,7 +20,7 @@ from ballbar.ident.performance import iso_230_4 as circular
 from ballbar.ident.performance import iso_9283 as iso
 from ballbar.ident.performance.characteristics import Characteristic, Statement, not_stated
 from ballbar.ident.performance.cube import TestCube
-from ballbar.ident.performance.predicted import Prediction
+from ballbar.ident.performance.predicted import RobotPair
 from ballbar.ident.performance.repeated_poses import (
     LEAST_CYCLES,
     NOT_CORRECTED,
@@ -41,7 +41,7 @@ Circle = tuple[str, circular.CircularTest]
 
 
 def measure(
-    prediction: Prediction,
+    robots: RobotPair,
     targets: Mapping[str, Placement],
     table: PoseTable,
     cube: TestCube | None,
@@ -56,12 +56,12 @@ def measure(
     for group in table.groups:
         circle = None
         if group.kind.directions == 3:
-            seen = attained(prediction, group, targets.get(group.target))
+            seen = attained(robots, group, targets.get(group.target))
             moved = group.motion is not None
             rows += path_rows(group, seen) if moved else repeated(group, seen, cube)
             circle = circle_of(seen, group)
         elif group.kind.names == ("length",):
-            ends = prediction.nominal.identified.ends(group.q)
+            ends = robots.nominal.identified.ends(group.q)
             circle = circle_of_lengths(ends[:, :3, 3], group, radius)
         if circle is not None:
             place = "circle" if len(table.groups) == 1 else f"circle about {group.seat}"

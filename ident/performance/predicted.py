@@ -48,7 +48,7 @@ REPEATED = {  # what only repetitions tell
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class RobotPair:
     """An identified robot beside its nominal one, with the same tool."""
 
     nominal: IdentifiedKinematics
@@ -92,86 +92,86 @@ class Prediction:
         return before, own, own if self.robot.robot.joints >= FULL else not_stated(FEWER)
 
 
-def predict(prediction: Prediction, cube: TestCube | None) -> Iterator[Characteristic]:
+def predict(robots: RobotPair, cube: TestCube | None) -> Iterator[Characteristic]:
     """Rows of the five poses, of the distance and the straight path from P2 to P4, and of the
     workspace.
     """
     if cube is not None:
         for k, q in enumerate(cube.q, start=1):
-            yield from _pose(prediction, q[None], f"P{k}")
-        yield _distance(prediction, cube.q[[1, 3]])
-        yield _path(prediction, cube)
-    yield from _workspace(prediction)
+            yield from _pose(robots, q[None], f"P{k}")
+        yield _distance(robots, cube.q[[1, 3]])
+        yield _path(robots, cube)
+    yield from _workspace(robots)
     for symbol, why in REPEATED.items():
         yield Characteristic(symbol, "test poses", (not_stated(why),) * 3)
 
 
-def _pose(prediction: Prediction, q: Array, place: str) -> Iterator[Characteristic]:
+def _pose(robots: RobotPair, q: Array, place: str) -> Iterator[Characteristic]:
     """AP of one pose q (1, J) [rad]."""
-    (shift,), (turn,) = prediction.bias(q)
-    covariance = prediction.covariance(q)[0]
-    remark = "" if prediction.robot.covered(q).all() else EXTRAPOLATED
+    (shift,), (turn,) = robots.bias(q)
+    covariance = robots.covariance(q)[0]
+    remark = "" if robots.robot.covered(q).all() else EXTRAPOLATED
     before = known_deviation(shift, covariance, remark)
     own = unknown_error(covariance, remark)
-    yield Characteristic("AP_p", place, prediction.of_all(before, own))
+    yield Characteristic("AP_p", place, robots.of_all(before, own))
     for index, angle in zip("abc", turn, strict=True):
         before = Statement("predicted", float(angle), reason=NO_TURNS)
         yield Characteristic(f"AP_{index}", place, (before, *(not_stated(NO_TURNS),) * 2))
 
 
-def _distance(prediction: Prediction, q: Array) -> Characteristic:
+def _distance(robots: RobotPair, q: Array) -> Characteristic:
     """AD between two poses q (2, J) [rad].
 
     Errors at the two poses are correlated to a degree that the result does not state; the deviation
     of their difference is at most the sum of their deviations.
     """
-    commanded = prediction.nominal.forward(q)[:, :3, 3]
-    attained = commanded + prediction.bias(q)[0]
+    commanded = robots.nominal.forward(q)[:, :3, 3]
+    attained = commanded + robots.bias(q)[0]
     lengths = np.linalg.norm([np.diff(p, axis=0)[0] for p in (attained, commanded)], axis=1)
     along, off = np.diff(commanded, axis=0)[0] / lengths[1], float(lengths[0] - lengths[1])
-    variances = np.einsum("c,ncd,d->n", along, prediction.covariance(q), along)
+    variances = np.einsum("c,ncd,d->n", along, robots.covariance(q), along)
     width = NORMAL * float(np.sqrt(variances).sum())
     before = Statement("predicted", off, off - width, off + width)
     own = Statement("predicted", 0.0, -width, width, "an interval about no expected error")
     if not np.isfinite(width):
         before = own = not_stated(OUTSIDE)
-    return Characteristic("AD_p", "P2-P4", prediction.of_all(before, own))
+    return Characteristic("AD_p", "P2-P4", robots.of_all(before, own))
 
 
-def _path(prediction: Prediction, cube: TestCube) -> Characteristic:
+def _path(robots: RobotPair, cube: TestCube) -> Characteristic:
     """AT along the straight path from P2 to P4, of the geometry alone."""
     poses = np.tile(cube.poses[1], (POINTS, 1, 1))
     begin, end = cube.poses[[1, 3], :3, 3]
     poses[:, :3, 3] = begin + np.linspace(0.0, 1.0, POINTS)[:, None] * (end - begin)
-    solved = prediction.nominal.nearest(poses, cube.q[0])
+    solved = robots.nominal.nearest(poses, cube.q[0])
     if not (solved.reached & solved.within).all():
         why = not_stated("the robot does not take the straight path from P2 to P4")
         return Characteristic("AT_p", "P2-P4", (why,) * 3)
     along = (end - begin) / np.linalg.norm(end - begin)
     across = np.eye(3) - np.outer(along, along)
-    away = prediction.bias(solved.q)[0] @ across
+    away = robots.bias(solved.q)[0] @ across
     with np.errstate(invalid="ignore"):  # infinite where nothing is known
-        covariance = across @ prediction.covariance(solved.q) @ across
-    stated = [prediction.of_all(*_pair(*each)) for each in zip(away, covariance, strict=True)]
+        covariance = across @ robots.covariance(solved.q) @ across
+    stated = [robots.of_all(*_both(*each)) for each in zip(away, covariance, strict=True)]
     return Characteristic("AT_p", "P2-P4", _largest(stated))
 
 
-def _workspace(prediction: Prediction) -> Iterator[Characteristic]:
+def _workspace(robots: RobotPair) -> Iterator[Characteristic]:
     """AP over the workspace: its mean, with errors that are the same at all poses, and the largest
     value.
     """
-    q = prediction.grid
-    pairs = zip(prediction.bias(q)[0], prediction.covariance(q), strict=True)
-    stated = [prediction.of_all(*_pair(*each)) for each in pairs]
+    q = robots.grid
+    pairs = zip(robots.bias(q)[0], robots.covariance(q), strict=True)
+    stated = [robots.of_all(*_both(*each)) for each in pairs]
     known = [own for own in stated if own[0].value is not None]
     values = np.array([[[s.value, s.low, s.high] for s in own[:2]] for own in known], dtype=float)
     if known:
         before, own = (Statement("predicted", *v.tolist()) for v in values.mean(axis=0))
-        yield Characteristic("AP_p", "workspace, mean", prediction.of_all(before, own))
+        yield Characteristic("AP_p", "workspace, mean", robots.of_all(before, own))
         yield Characteristic("AP_p", "workspace, largest", _largest(known))
 
 
-def _pair(shift: Array, covariance: Array) -> tuple[Statement, Statement]:
+def _both(shift: Array, covariance: Array) -> tuple[Statement, Statement]:
     """Statements of the nominal and of the identified robot, shift (3,) [m], covariance (3, 3)."""
     return known_deviation(shift, covariance), unknown_error(covariance)
 

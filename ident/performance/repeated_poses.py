@@ -25,7 +25,7 @@ from ballbar.cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from ballbar.ident.performance import iso_9283 as iso
 from ballbar.ident.performance.characteristics import Characteristic, Statement, not_stated
 from ballbar.ident.performance.cube import TestCube
-from ballbar.ident.performance.predicted import Prediction, length_moments
+from ballbar.ident.performance.predicted import RobotPair, length_moments
 
 ROUNDS = 30  # of Gauss-Newton from a seat by points to seat and target
 SAME = 1e-3  # [rad] of every axis within which two poses are of one command
@@ -53,15 +53,15 @@ class Attained:
 
 
 def attained(
-    prediction: Prediction, group: PoseGroup, known: Placement | None
+    robots: RobotPair, group: PoseGroup, known: Placement | None
 ) -> tuple[Attained, Attained]:
     """The poses of a group by the nominal and by the identified robot.
 
     known : the target in the frame of the identified robot's last row.
     """
-    values, (turn, shift) = group.values, prediction.alignment
+    values, (turn, shift) = group.values, robots.alignment
     nominal, identified = (
-        model.ends(group.q) for model in (prediction.nominal.identified, prediction.robot)
+        model.ends(group.q) for model in (robots.nominal.identified, robots.robot)
     )
     seat, origin, target = _seat_and_target(identified, values[:, :3], known)
     seen = own = None

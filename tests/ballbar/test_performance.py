@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ballbar.result.calibration import load
-from ballbar.result.performance import performance, prediction_of
+from ballbar.result.performance import performance, robots_of
 from tests.helpers.command_line import output, refusal
 from tests.helpers.pose_results import write_pose_result, write_pose_table
 from tests.helpers.still_poses import table_of, true_robot
@@ -26,7 +26,7 @@ def repetitions(result: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Poses of its test cube, ten times, of another UR5 with the target `ball`."""
     poses = performance(result).poses
     assert poses is not None
-    nominal = prediction_of(load(result)).nominal
+    nominal = robots_of(load(result)).nominal
     solved = nominal.inverse(poses[:1]).q[:, 0]
     q = nominal.nearest(poses, solved[np.isfinite(solved).all(axis=1)][0]).q
     table = table_of(true_robot("ur5", seed=3), "point", q=np.tile(q, (10, 1)), noise=1e-5)
@@ -73,7 +73,7 @@ def test_the_page_marks_every_value(result: Path, repetitions: Path, tmp_path: P
 
 def test_a_circle_is_drawn(result: Path, tmp_path: Path) -> None:
     """Points 80 mm about a place that the cube holds, by a robot like the nominal one."""
-    stated, nominal = performance(result), prediction_of(load(result)).nominal
+    stated, nominal = performance(result), robots_of(load(result)).nominal
     assert stated.poses is not None
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
     poses = np.tile(stated.poses[0], (turn.size, 1, 1))

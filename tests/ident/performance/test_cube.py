@@ -15,7 +15,7 @@ from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics, kine
 
 
 def test_five_poses_lie_on_the_diagonals_of_a_plane() -> None:
-    """Of an edge of 1000 mm about (1, 2, 3): a tenth of a diagonal of sqrt(3) m from its end is
+    """An edge of 1000 mm about (1, 2, 3): a tenth of a diagonal of sqrt(3) m from its end is
     0.1 m along each axis from the corners (0.5, 1.5, 2.5), (0.5, 2.5, 2.5), (1.5, 2.5, 3.5) and
     (1.5, 1.5, 3.5).
     """

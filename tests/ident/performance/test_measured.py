@@ -16,7 +16,7 @@ from ballbar.cell.poses import PoseTable
 from ballbar.ident.performance.characteristics import Characteristic
 from ballbar.ident.performance.cube import TestCube, fitting_cube
 from ballbar.ident.performance.measured import laps_of, measure, path_rows
-from ballbar.ident.performance.predicted import Prediction
+from ballbar.ident.performance.predicted import RobotPair
 from ballbar.ident.performance.repeated_poses import Attained, repetitions
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.identified_kinematics import kinematics
@@ -28,7 +28,7 @@ Rows = dict[tuple[str, str], Characteristic]
 
 
 @cache
-def robots() -> tuple[Prediction, TestCube]:
+def known_robot() -> tuple[RobotPair, TestCube]:
     """The true robot as if it had been identified without error, and its test cube."""
     true = true_robot("ur5", seed=5)
     chain = nominal_chain(true.robot)
@@ -39,12 +39,12 @@ def robots() -> tuple[Prediction, TestCube]:
     nominal = kinematics(robot.rigid(geometry_of_chain(table, chain)), chain)
     cube = fitting_cube(nominal, robot)
     assert cube is not None
-    return Prediction(nominal, kinematics(robot, chain)), cube
+    return RobotPair(nominal, kinematics(robot, chain)), cube
 
 
 def repeated_table(measured: str = "point", shares: Array | None = None) -> PoseTable:
     """The poses of the cube, cycle after cycle, a minute apart; each shifted by `shares` (N, 3)."""
-    q = np.tile(robots()[1].q, (CYCLES, 1))
+    q = np.tile(known_robot()[1].q, (CYCLES, 1))
     table = table_of(true_robot("ur5", seed=5), measured, q=q, noise=NOISE)
     values = table.groups[0].values.copy()
     if shares is not None:
@@ -53,8 +53,8 @@ def repeated_table(measured: str = "point", shares: Array | None = None) -> Pose
 
 
 def rows_of(table: PoseTable, cube: TestCube | None = None) -> Rows:
-    prediction, standard = robots()
-    rows, _ = measure(prediction, {"ball": TARGET}, table, cube or standard)
+    pair, standard = known_robot()
+    rows, _ = measure(pair, {"ball": TARGET}, table, cube or standard)
     return {(row.symbol, row.place): row for row in rows}
 
 
@@ -62,8 +62,8 @@ def test_repeated_poses_of_the_cube_have_its_names_and_values() -> None:
     """AP of the nominal robot is the distance of the true robot from it, frames aligned over the
     workspace; of the identified robot, which is the true one, what noise leaves.
     """
-    rows, (prediction, cube) = rows_of(repeated_table()), robots()
-    shift, turn = prediction.bias(cube.q)
+    rows, (pair, cube) = rows_of(repeated_table()), known_robot()
+    shift, turn = pair.bias(cube.q)
     for k in range(5):
         row = rows["AP_p", f"P{k + 1}"]
         nominal, identified, corrected = row.statements
@@ -95,7 +95,9 @@ def test_repeatabilities_are_those_of_the_values() -> None:
     lengths = np.sqrt(((first - second) ** 2).sum(axis=1))
     distance = rows["RD", "P2-P4"].statements[0].value
     assert distance == pytest.approx(3.0 * lengths.std(ddof=1), rel=1e-12)
-    expected = lengths.mean() - np.linalg.norm(np.diff(robots()[1].poses[[1, 3], :3, 3], axis=0))
+    expected = lengths.mean() - np.linalg.norm(
+        np.diff(known_robot()[1].poses[[1, 3], :3, 3], axis=0)
+    )
     assert rows["AD_p", "P2-P4"].statements[0].value == pytest.approx(expected, abs=1e-6)
     assert rows["AD_p", "P2-P4"].statements[1].value == pytest.approx(0.0, abs=1e-6)
 
@@ -112,7 +114,9 @@ def test_a_pose_that_wanders_has_a_drift() -> None:
     assert apart.value is not None
     assert apart.value < 2e-4
     drift = rows["dAP_p", "P3"].statements[0].value
-    shift = robots()[0].bias(robots()[1].q)[0][2]  # AP before and after, as seen by the nominal
+    shift = known_robot()[0].bias(known_robot()[1].q)[0][
+        2
+    ]  # AP before and after, as seen by the nominal
     assert drift is not None
     assert drift == pytest.approx(abs(shift[2]) / np.linalg.norm(shift) * moved, rel=0.15)
     assert rows["dAP_p", "P1"].statements[0].value == pytest.approx(0.0, abs=2e-6)
@@ -121,7 +125,7 @@ def test_a_pose_that_wanders_has_a_drift() -> None:
 
 def test_a_pose_that_depends_on_where_it_is_approached_from() -> None:
     """P1 is approached from P2, P3 and P4 in turn, and stands 30 um higher behind P3."""
-    cube = robots()[1]
+    cube = known_robot()[1]
     order = np.tile([1, 0, 2, 0, 3, 0], 12)
     table = table_of(true_robot("ur5", seed=5), "point", q=cube.q[order], noise=NOISE)
     values = table.groups[0].values.copy()
@@ -179,7 +183,7 @@ def test_a_telescoping_ball_bar_reports_its_circular_test() -> None:
     length += np.random.default_rng(2).normal(0.0, 5e-7, length.size)  # data sheet of a QC20-W
     bar = group("length", "cup", q, length[:, None], np.full((length.size, 1), 5e-7))
     table = PoseTable("bar", true.robot, (bar,))
-    rows, circles = measure(robots()[0], {}, table, None, radius=0.12)
+    rows, circles = measure(known_robot()[0], {}, table, None, radius=0.12)
     feed = np.linspace(0.0, 2.0 * np.pi, 181)
     angle = np.concatenate((feed, feed[::-1]))
     design = np.column_stack((np.ones(angle.size), np.cos(angle), np.sin(angle)))
@@ -206,7 +210,7 @@ def test_a_telescoping_ball_bar_reports_its_circular_test() -> None:
 def test_positions_on_a_circle_show_what_the_identified_robot_leaves() -> None:
     true = true_robot("ur5", seed=5)
     table = table_of(true, "point", q=circle_angles(), noise=NOISE)
-    rows, _ = measure(robots()[0], {"ball": TARGET}, table, None)
+    rows, _ = measure(known_robot()[0], {"ball": TARGET}, table, None)
     stated = {row.symbol: row.statements for row in rows if row.place == "circle"}
     nominal, identified, _ = stated["G"]
     points = true.positions(circle_angles()[:181])
@@ -223,7 +227,7 @@ def test_positions_on_a_circle_show_what_the_identified_robot_leaves() -> None:
 def test_poses_off_a_circle_and_half_a_circle_are_no_circular_test() -> None:
     true = true_robot("ur5", seed=5)
     for q in (circle_angles()[:90], table_of(true).groups[0].q):
-        rows, circles = measure(robots()[0], {}, table_of(true, "point", q=q), None)
+        rows, circles = measure(known_robot()[0], {}, table_of(true, "point", q=q), None)
         assert not circles
         assert not rows
 

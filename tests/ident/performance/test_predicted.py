@@ -14,7 +14,7 @@ from ballbar.cell.load import load_robot
 from ballbar.ident.performance.characteristics import Characteristic, Statement, merged, not_stated
 from ballbar.ident.performance.cube import TestCube, fitting_cube
 from ballbar.ident.performance.predicted import (
-    Prediction,
+    RobotPair,
     known_deviation,
     length_moments,
     predict,
@@ -59,28 +59,28 @@ def test_nothing_is_stated_where_nothing_is_known() -> None:
 
 
 @cache
-def predicted() -> tuple[TrueRobot, Prediction, TestCube]:
+def predicted() -> tuple[TrueRobot, RobotPair, TestCube]:
     """A robot of drawn errors, identified from 200 points, and its test cube."""
     true = true_robot("ur5", seed=5)
     robot = fit_table(table_of(true)).identified_robot("ball")
     chain = nominal_chain(robot.robot)
     geometry = geometry_of_chain(parameter_table(robot.robot), chain)
-    prediction = Prediction(kinematics(robot.rigid(geometry), chain), kinematics(robot, chain))
-    cube = fitting_cube(prediction.nominal, robot)
+    robots = RobotPair(kinematics(robot.rigid(geometry), chain), kinematics(robot, chain))
+    cube = fitting_cube(robots.nominal, robot)
     assert cube is not None
-    return true, prediction, cube
+    return true, robots, cube
 
 
 def true_shifts(q: np.ndarray) -> np.ndarray:
     """(N, 3) [m] of the true robot from the nominal one at q, aligned by scipy over the grid."""
-    true, prediction, _ = predicted()
+    true, robots, _ = predicted()
     chain = nominal_chain(load_robot(true.name))
 
     def nominal(angles: np.ndarray) -> np.ndarray:
         frames = forward(chain, angles).poses()
         return np.asarray(frames[:, :3, 3] + frames[:, :3, :3] @ TARGET.origin)
 
-    own, other = true.positions(prediction.grid), nominal(prediction.grid)
+    own, other = true.positions(robots.grid), nominal(robots.grid)
     turn, _ = Rotation.align_vectors(other - other.mean(axis=0), own - own.mean(axis=0))
     shift = other.mean(axis=0) - turn.apply(own.mean(axis=0))
     return np.asarray(turn.apply(true.positions(q)) + shift - nominal(q))
@@ -88,8 +88,8 @@ def true_shifts(q: np.ndarray) -> np.ndarray:
 
 def test_predicted_accuracies_hold_the_true_ones() -> None:
     """AP of the nominal robot lies in its interval at each pose, and over the workspace."""
-    _, prediction, cube = predicted()
-    rows = {(row.symbol, row.place): row for row in predict(prediction, cube)}
+    _, robots, cube = predicted()
+    rows = {(row.symbol, row.place): row for row in predict(robots, cube)}
     truth = np.linalg.norm(true_shifts(cube.q), axis=1)
     for k, size in enumerate(truth, start=1):
         nominal, identified, corrected = rows["AP_p", f"P{k}"].statements
@@ -104,15 +104,15 @@ def test_predicted_accuracies_hold_the_true_ones() -> None:
         assert identified.value < 0.2 * size
         assert corrected == identified
     mean = rows["AP_p", "workspace, mean"].statements[0]
-    expected = np.linalg.norm(true_shifts(prediction.grid), axis=1)
+    expected = np.linalg.norm(true_shifts(robots.grid), axis=1)
     assert mean.value == pytest.approx(expected.mean(), rel=0.05)
     largest = rows["AP_p", "workspace, largest"].statements[0]
     assert largest.value == pytest.approx(expected.max(), rel=0.05)
 
 
 def test_the_predicted_distance_has_the_sign_of_the_true_one() -> None:
-    _, prediction, cube = predicted()
-    (row,) = (row for row in predict(prediction, cube) if row.symbol == "AD_p")
+    _, robots, cube = predicted()
+    (row,) = (row for row in predict(robots, cube) if row.symbol == "AD_p")
     shift = true_shifts(cube.q[[1, 3]])
     commanded = cube.poses[[1, 3], :3, 3]
     off = np.linalg.norm(np.diff(commanded + shift, axis=0))
@@ -125,8 +125,8 @@ def test_the_predicted_distance_has_the_sign_of_the_true_one() -> None:
 
 
 def test_no_repeatability_is_predicted() -> None:
-    _, prediction, cube = predicted()
-    rows = {row.symbol: row for row in predict(prediction, cube)}
+    _, robots, cube = predicted()
+    rows = {row.symbol: row for row in predict(robots, cube)}
     for symbol in ("RP_l", "vAP_p", "RD", "dAP_p", "dRP_l", "RT_p"):
         assert {s.origin for s in rows[symbol].statements} == {"not stated"}
         assert "measure repetitions" in rows[symbol].statements[0].reason
