@@ -122,7 +122,7 @@ def _without_picture(section: str, model: type[BaseModel]) -> Iterator[str]:
 
 
 def _many(field: FieldInfo) -> str:
-    return " A list." if values_text(field).startswith("list of") else ""
+    return " A list." if values_text(field).startswith(("list of", "at least")) else ""
 
 
 def _pictures(section: str) -> Iterator[str]:
