@@ -79,7 +79,7 @@ class Pattern:
 
         dictionary = self.charuco.getDictionary()
         side = dictionary.markerSize + 2
-        ids = self.charuco.getIds().ravel()
+        ids = np.array(self.charuco.getIds()).ravel()
         made = [cv2.aruco.generateImageMarker(dictionary, int(k), side) for k in ids]
         return np.stack(made) < 128
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.transforms import Affine2D
 
+from ballbar.cell.arrays import Array
 from ballbar.cell.board import BoardFile, BoardKind
 from ballbar.cell.board_pattern import Pattern
 from ballbar.cell.errors import InputError
@@ -86,9 +87,9 @@ def _text(board: BoardFile) -> str:
     markers = "" if board.marker_m is None else f"marker_m: {board.marker_m:.6g}\n"
     dictionary = "" if board.dictionary is None else f"dictionary: {board.dictionary}\n"
     return f"""\
-# Fix the print flat on a stiff plate. Measure a whole row of {nx} squares, here {row * MM:g} mm, from
-# edge to edge, and the column; divide by the number of squares, and write the mean below, with its
-# standard deviation: 0.1 mm over the row is {1e-4 / nx:.1g} m. All lengths of the result have this scale.
+# Fix the print flat on a stiff plate. Measure a whole row of {nx} squares, here {row * MM:g} mm,
+# and a column; divide by the number of squares, and write the mean below with its standard
+# deviation: 0.1 mm over the row is {1e-4 / nx:.1g} m. All lengths of the result have this scale.
 schema: ballbar-board/1
 kind: {board.kind}
 squares_x: {nx}
@@ -110,8 +111,8 @@ def _drawn(pattern: Pattern, paper: tuple[float, float]) -> bytes:
         # one outline: between areas of their own a viewer shows seams
         boxes = [_box(*sides) for sides in dark]
         axes.add_patch(PathPatch(Outline.make_compound_path(*boxes), fc="black", ec="none"))
-        _ruler(axes, corner + (0.0, size[1] + 4.0), (1.0, 0.0))
-        _ruler(axes, corner - (4.0, 0.0), (0.0, 1.0))
+        _ruler(axes, corner + np.array([0.0, size[1] + 4.0]), (1.0, 0.0))
+        _ruler(axes, corner - np.array([4.0, 0.0]), (0.0, 1.0))
         axes.text(corner[0], corner[1] - 3.0, _title(pattern), color=QUIET, va="bottom")
         buffer = io.BytesIO()
         figure.savefig(buffer, format="pdf", metadata={"CreationDate": None, "Creator": None})
@@ -126,18 +127,18 @@ def _title(pattern: Pattern) -> str:
     board, (nx, ny) = pattern.board, pattern.squares
     markers = "" if not pattern.marker else f", {board.dictionary} of {pattern.marker * MM:g} mm"
     return (
-        f"{board.kind}, {nx} x {ny} squares of {pattern.square * MM:g} mm{markers}. Print at 100 %, "
-        "not fitted to the page; both rulers are 100 mm long."
+        f"{board.kind}, {nx} x {ny} squares of {pattern.square * MM:g} mm{markers}. Print at 100 %,"
+        " not fitted to the page; both rulers are 100 mm long."
     )
 
 
-def _ruler(axes: matplotlib.axes.Axes, start: Sequence[float], along: tuple[float, float]) -> None:
-    """Draws a ruler away from the board, from `start` [mm] along an axis."""
-    origin, step = np.asarray(start), np.array(along)
-    out = np.array([-step[1], step[0]]) if step[0] else np.array([-1.0, 0.0])
-    style = {"color": "black", "linewidth": 0.1 * _POINTS_PER_MM}
+def _ruler(axes: Axes, origin: Array, along: tuple[float, float]) -> None:
+    """Draws a ruler away from the board, from its origin (2,) [mm] along an axis."""
+    step = np.array(along)
+    out = np.array([0.0, 1.0]) if step[0] else np.array([-1.0, 0.0])
+    width = 0.1 * _POINTS_PER_MM
     for at in range(0, _RULER + 1, 1):
         tick = _LONG_TICK if at % 10 == 0 else _TICK
         ends = np.stack((origin + at * step, origin + at * step + tick * out))
-        axes.plot(*ends.T, **style)
-    axes.plot(*np.stack((origin, origin + _RULER * step)).T, **style)
+        axes.plot(*ends.T, color="black", linewidth=width)
+    axes.plot(*np.stack((origin, origin + _RULER * step)).T, color="black", linewidth=width)
