@@ -40,6 +40,7 @@ COMMANDS = {
         "verify": "comparison",
         "export": "result",
         "correct": "result",
+        "certificate": "certificate",
     },
     TEST_BENCH: {
         "list": "shipped",

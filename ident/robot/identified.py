@@ -73,6 +73,11 @@ class StatedUncertainty(Protocol):
     def of(self, robot: IdentifiedRobot) -> Callable[[Array], PositionUncertainty]:
         """Uncertainty of the tool's position as a function of q (N, J) [rad]."""
 
+    def draws(
+        self, robot: IdentifiedRobot, q: Array, count: int, rng: np.random.Generator
+    ) -> Array:
+        """(D, N, 3) [m] errors of the tool at q (N, J) [rad] that are as likely as stated."""
+
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedRobot:
@@ -252,6 +257,13 @@ class IdentifiedRobot:
         """
         return self.uncertainty(q).covariance
 
+    def error_draws(self, q: Array, count: int, rng: np.random.Generator) -> Array:
+        """(D, N, 3) [m] draws of the tool's error at q (N, J) [rad], poses of a draw together.
+
+        Raises InputError where no uncertainty is stated.
+        """
+        return self._stated.draws(self, q, count, rng)
+
     def sigma(self, q: Array) -> Array:
         """(N,) [m] standard deviation of the position, all axes together."""
         return self.uncertainty(q).sigma
@@ -308,6 +320,19 @@ class IdentifiedRobot:
                 "of a pose is not known; identify the recording again with this version"
             )
         return self.stated
+
+
+def covariance_root(covariance: Array) -> Array:
+    """(U, U) matrix R with R R' the covariance (U, U): the symmetric root of the correlations,
+    scaled.
+
+    It changes little with the last bits of the covariance, as eigenvectors do not.
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    scale = np.where(sigma > 0.0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return np.asarray(sigma[:, None] * root)
 
 
 def moved_poses(poses: Array, motion: Array) -> Array:

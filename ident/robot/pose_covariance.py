@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 from ballbar.cell.chain import joint_screws
 from ballbar.cell.placement import Placement
-from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
+from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty, covariance_root
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +51,25 @@ class PoseCovariance:
             return PositionUncertainty(np.asarray(result), None, covered)
 
         return uncertainty
+
+    def draws(
+        self, robot: IdentifiedRobot, q: Array, count: int, rng: np.random.Generator
+    ) -> Array:
+        """(D, N, 3) [m] draws of the target's error at q (N, J) [rad].
+
+        What the model leaves unexplained is drawn for each pose.
+        """
+        moves = self.jacobian(robot)(q)
+        unknowns = covariance_root(self.values) @ rng.standard_normal((len(moves), count))
+        errors = unknowns.T @ moves.reshape(len(moves), -1)
+        result = errors.reshape(count, 3, len(q)).transpose(0, 2, 1)
+        left = np.sqrt(max(0.0, self.discrepancy**2 - self.white**2))
+        result = result + left * rng.standard_normal(result.shape)
+        if self.joint_sigma:
+            screws = joint_screws(robot.frames(q))[: robot.robot.joints, :3]
+            turns = self.joint_sigma * rng.standard_normal((count, len(screws), len(q)))
+            result += np.einsum("jcn,djn->dnc", screws, turns)
+        return np.asarray(result)
 
     def jacobian(self, robot: IdentifiedRobot) -> Callable[[Array], Array]:
         """Function of q (N, J) [rad] that gives (U, 3, N) change of the target, seen from the seat

@@ -19,7 +19,7 @@ import numpy as np
 from ballbar.cell.arrays import Array
 from ballbar.cell.payload import TOOL, with_deviations
 from ballbar.ident.robot.accuracy import accuracy_grid
-from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
+from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty, covariance_root
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +42,14 @@ class ToolCovariance:
         """Uncertainty of the tool's position as a function of q (N, J) [rad]."""
         return error_fields(robot, self).uncertainty
 
+    def draws(
+        self, robot: IdentifiedRobot, q: Array, count: int, rng: np.random.Generator
+    ) -> Array:
+        """(D, N, 3) [m] draws of the tool's error at q (N, J) [rad], base aligned."""
+        fields = error_fields(robot, self).at(q)[0].reshape(3 * len(q), -1)
+        errors = fields @ rng.standard_normal((fields.shape[1], count))
+        return np.asarray(errors.T.reshape(count, len(q), 3))
+
     @property
     def of_names(self) -> Array:
         """(P, P) [SI] of the named unknowns alone, where `held` is exact.
@@ -62,8 +70,7 @@ class ToolCovariance:
     @property
     def root(self) -> Array:
         """(U, U) matrix R with R R' the covariance."""
-        values, vectors = np.linalg.eigh(self.values)
-        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+        return covariance_root(self.values)
 
 
 @dataclass(frozen=True, eq=False)
