@@ -14,103 +14,88 @@ is wrong with at most the probability beyond k standard deviations where r = 1: 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import erf, sqrt
-from typing import Literal, get_args
+from math import erfc, sqrt
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.schema import Positive, Strict
 from ballbar.ident.result import RobotEstimate
 from ballbar.ident.robot.accuracy import aligned
 
-RuleName = Literal["simple", "guarded", "probability"]
-RULES: tuple[RuleName, ...] = get_args(RuleName)
-Conformity = Literal["conforms", "does not conform", "neither"]
 DRAWS = 4000  # 90 of them beyond two standard deviations on either side
 _SEED = 14253  # the draws are part of the method: a certificate is recomputed with the same
 
 
-@dataclass(frozen=True)
-class Rule:
-    """A decision rule."""
+class Tolerance(Strict):
+    """Limits of the TCP error, and the rule that decides about them."""
 
-    name: RuleName
-    coverage_factor: float = 2.0  # k of the coverage interval
-    guard_factor: float = 1.0  # r of `guarded`
-    probability: float = 0.95  # of `probability`
+    mean_mm: Positive | None = None
+    largest_mm: Positive | None = None
+    rule: Literal["simple", "guarded", "probability"] = "guarded"
+    guard_factor: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
+    """r of `guarded`, in half widths of the coverage interval."""
+    coverage_factor: Annotated[float, Field(gt=0.0, le=3.0)] = 2.0
+    probability: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
+    """Least conformity probability of `probability`."""
+
+    @property
+    def coverage(self) -> float:
+        """Probability of the coverage interval."""
+        return 1.0 - 2.0 * _above(self.coverage_factor)
 
     @property
     def risk(self) -> float:
-        """Largest probability that an acceptance is wrong, for a normal distribution and any r."""
-        if self.name == "probability":
+        """Largest probability that an acceptance is wrong; of r below 1 for a normal error."""
+        if self.rule == "probability":
             return 1.0 - self.probability
-        factor = self.guard_factor * self.coverage_factor if self.name == "guarded" else 0.0
-        return _above(factor)
+        return _above(self.guard_factor * self.coverage_factor if self.rule == "guarded" else 0.0)
 
 
 @dataclass(frozen=True)
 class Decision:
-    """A measured value against a tolerance [m]."""
+    """A measured value [m] with its coverage interval, and how it stands to a tolerance."""
 
     value: float
     sigma: float
-    lower: float  # ends of the coverage interval
+    lower: float
     upper: float
     probability: float  # that the true value is within the tolerance
-    verdict: Conformity
+    verdict: str  # conforms, does not conform, neither
 
 
-def decide(draws: Array, tolerance: float, rule: Rule) -> Decision:
-    """The decision about a quantity of which (D,) draws [m] are given, which may not exceed a
-    tolerance [m].
-    """
+def decide(draws: Array, limit: float, rule: Tolerance) -> Decision:
+    """The decision about a quantity of which (D,) draws [m] are given, and its limit [m]."""
     value, tail = float(draws.mean()), _above(rule.coverage_factor)
     lower, upper = (float(q) for q in np.quantile(draws, [tail, 1.0 - tail]))
-    probability = float((draws <= tolerance).mean())
-    verdict: Conformity = "neither"
-    if rule.name == "probability":
-        accepted = probability >= rule.probability
-        rejected = probability <= 1.0 - rule.probability
-    else:
-        guard = rule.guard_factor if rule.name == "guarded" else 0.0
-        accepted = value + guard * (upper - value) <= tolerance
-        rejected = value - guard * (value - lower) > tolerance
-    if accepted or rejected:
-        verdict = "conforms" if accepted else "does not conform"
+    probability = float((draws <= limit).mean())
+    guard = rule.guard_factor if rule.rule == "guarded" else 0.0
+    accepted = value + guard * (upper - value) <= limit
+    rejected = value - guard * (value - lower) > limit
+    if rule.rule == "probability":
+        accepted, rejected = probability >= rule.probability, probability <= 1 - rule.probability
+    verdict = "conforms" if accepted else "does not conform" if rejected else "neither"
     return Decision(value, float(draws.std()), lower, upper, probability, verdict)
-
-
-def coverage(rule: Rule) -> float:
-    """Probability of the coverage interval."""
-    return 1.0 - 2.0 * _above(rule.coverage_factor)
 
 
 def _above(factor: float) -> float:
     """Probability of a normal variable above so many standard deviations."""
-    return 0.5 * (1.0 - erf(factor / sqrt(2.0)))
+    return 0.5 * erfc(factor / sqrt(2.0))
 
 
-@dataclass(frozen=True, eq=False)
-class ErrorDraws:
-    """Draws of the TCP error over the workspace, base aligned: mean and largest of each draw."""
+def error_draws(robot: RobotEstimate, grid: Array) -> dict[tuple[str, str], Array]:
+    """(D,) [m] draws of mean and largest TCP error over poses grid (G, J) [rad], base aligned.
 
-    mean: Array  # (D,) [m]
-    largest: Array  # (D,) [m]
-
-
-def error_draws(robot: RobotEstimate, grid: Array) -> dict[str, ErrorDraws]:
-    """Draws of the error of the nominal and of the identified robot at poses grid (G, J) [rad]."""
+    Keys are `nominal` or `identified`, of which robot, and `mean` or `largest`.
+    """
     model = robot.identified
     predicted, actual = model.rigid(robot.nominal).tool(grid), model.tool(grid)
     apart = aligned(predicted, actual, scale=False) - actual
     errors = model.error_draws(grid, DRAWS, np.random.default_rng(_SEED))
-    return {
-        name: _statistics(errors + shift)
-        for name, shift in (("nominal", apart), ("identified", np.zeros(3)))
-    }
-
-
-def _statistics(errors: Array) -> ErrorDraws:
-    """errors : (D, G, 3) [m]."""
-    sizes = np.sqrt(np.einsum("dgc,dgc->dg", errors, errors))
-    return ErrorDraws(sizes.mean(axis=1), sizes.max(axis=1))
+    draws = {}
+    for name, shift in (("nominal", apart), ("identified", np.zeros(3))):
+        sizes = np.linalg.norm(errors + shift, axis=2)
+        draws[name, "mean"], draws[name, "largest"] = sizes.mean(axis=1), sizes.max(axis=1)
+    return draws

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,35 +18,33 @@ import numpy as np
 
 from ballbar.cell.errors import InputError
 from ballbar.cell.files import name_from
-from ballbar.certificate.conformity import DRAWS, Rule, coverage, decide, error_draws
-from ballbar.certificate.details import (
-    CertificateDetails,
-    ToleranceDetails,
-    load_details,
-    measured_places,
-    stated_details,
-)
+from ballbar.certificate.conformity import DRAWS, Tolerance, decide, error_draws
+from ballbar.certificate.details import CertificateDetails, load_details, measured_places
 from ballbar.certificate.words import Locale
 from ballbar.code_version import code_version
-from ballbar.ident.options import SILENT, Listener
+from ballbar.ident.options import SILENT, FitOptions, Listener
 from ballbar.report.parameters import parameter_count
 from ballbar.report.provenance import hashed, input_places
-from ballbar.report.tcp_view import TcpView, tcp_view
+from ballbar.report.tcp_view import tcp_view
 from ballbar.result.calibration import Calibration, load
-from ballbar.result.calibration_schema import CalibrationFile
+from ballbar.result.compare import compare
 from ballbar.result.identify import identified
 from ballbar.result.run_data import RunData
 from ballbar.result.write_calibration import calibration_of
-from ballbar.units import MM
 
 SCHEMA = "ballbar-certificate/1"
-SAME = 1e-3  # of a standard deviation, by which a parameter may differ on another computer
-FEW_BITS = 1e-3  # the same of a standard deviation itself, relative
+SAME = 1e-3  # of the stated TCP uncertainty, by which a result may differ on another computer
+_NOT_PRINTED = {"schema_", "recordings", "validate_", "identify", "tolerance"}
 Content = dict[str, Any]
 
 
 def certificate_content(
-    result: Path, details: Path, *, base: Path | None, locale: Locale, listener: Listener = SILENT
+    result: Path,
+    details: Path,
+    *,
+    base: Path | None = None,
+    locale: Locale,
+    listener: Listener = SILENT,
 ) -> tuple[Content, Path]:
     """The content, and the folder from which it names its files.
 
@@ -57,23 +55,27 @@ def certificate_content(
     """
     stated, calibration = load_details(details), load(result)
     places = measured_places(stated, details, calibration.path)
-    run = identified(*places, options=stated.options, listener=listener)
-    _check_same(calibration, calibration_of(run), places[0], details)
+    options = stated.identify.options if stated.identify else FitOptions()
+    run = identified(*places, options=options, listener=listener)
+    _check_follows(calibration, run, places[0], details)
     files = [details, calibration.path, *(folder / name for _, folder, name in input_places(run))]
     base = base or _common([*files, *(place for both in places for place in both)])
-    listener.progress("computing the conformity")
+    listener.progress("drawing the TCP errors")
     content = {
         "schema": SCHEMA,
         "locale": locale,
         "program": code_version(),
         "details_file": name_from(base, details),
         "result_file": name_from(base, calibration.path),
-        "files": [_file(base, file) for file in dict.fromkeys(files)],
-        "details": dict(stated_details(stated)),
+        "files": [
+            asdict(hashed(file.parent, file.name)) | {"name": name_from(base, file)}
+            for file in dict.fromkeys(files)
+        ],
+        "details": stated.model_dump(exclude=_NOT_PRINTED, mode="json"),
         "described": {
             "robot": run.identification.robot.robot.title,
-            "instrument": calibration.file.instrument or "",
-            "plate": calibration.file.plate or "",
+            "instrument": calibration.file.instrument,
+            "plate": calibration.file.plate,
         },
         **_computed(run, stated),
     }
@@ -82,7 +84,7 @@ def certificate_content(
 
 def canonical(content: Content) -> bytes:
     """The content as text in one order, of which the digest is taken."""
-    text = json.dumps(content, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=0)
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False, indent=0)
     return text.encode()
 
 
@@ -100,105 +102,49 @@ def _common(files: Sequence[Path]) -> Path:
     return common if common.is_dir() else common.parent
 
 
-def _file(base: Path, file: Path) -> dict[str, Any]:
-    own = hashed(file.parent, file.name)
-    return {"name": name_from(base, file), "size": own.size, "sha256": own.sha256}
-
-
-def _check_same(
-    stored: Calibration, computed: CalibrationFile, places: Sequence[Path], details: Path
+def _check_follows(
+    stored: Calibration, run: RunData, places: Sequence[Path], details: Path
 ) -> None:
     """Refuse a result that these recordings do not give."""
-    if apart := list(unlike_results(stored.file, computed)):
+    computed = Calibration(calibration_of(run), run.folder / stored.path.name, run)
+    sigma, other = (each.tcp_sigma for each in (computed, stored))
+    status, stated = (str(each.file.fit.status) for each in (computed, stored))
+    distance = compare(stored, computed).tcp.maximum
+    if max(distance, abs(other - sigma)) > SAME * sigma or status != stated:
         raise InputError(
-            f"{stored.path}: does not follow from {', '.join(map(str, places))}: "
-            f"{'; '.join(apart[:4])}. Name in {details} the recordings that it was identified from "
-            "and, under `identify`, its options; or identify them again."
+            f"{stored.path}: does not follow from {', '.join(map(str, places))}, whose robot puts "
+            f"the TCP up to {distance * 1e3:.3g} mm elsewhere, with a stated uncertainty of "
+            f"{sigma * 1e3:.4g} mm (fit {status}) against {other * 1e3:.4g} mm ({stated}). Name in "
+            f"{details} the recordings that it was identified from and, under `identify`, its "
+            "options; or identify them again."
         )
-
-
-def unlike_results(stored: CalibrationFile, computed: CalibrationFile) -> Iterator[str]:
-    """What differs between two results of the same recordings, beyond the last bits."""
-    for what, old, new in (
-        ("model", stored.model, computed.model),
-        ("fit", stored.fit.status, computed.fit.status),
-    ):
-        if old != new:
-            yield f"{what} {old}, computed {new}"
-    numbers = [dict(_estimates(file)) for file in (stored, computed)]
-    for name in dict.fromkeys((*numbers[0], *numbers[1])):
-        was, is_now = (of.get(name) for of in numbers)
-        if was is None or is_now is None:
-            yield f"{name} {'is not computed' if is_now is None else 'is not in it'}"
-            continue
-        allowed = SAME * is_now[1] or 1e-9 * abs(is_now[0])
-        if abs(was[0] - is_now[0]) > allowed or abs(was[1] - is_now[1]) > FEW_BITS * is_now[1]:
-            texts = (f"{value:.9g} ({sigma:.3g})" for value, sigma in (was, is_now))
-            yield f"{name} = {next(texts)}, computed {next(texts)}"
-
-
-def _estimates(file: CalibrationFile) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Names, values and standard deviations of all that was identified of the robot."""
-    for name, parameter in file.parameters.items():
-        yield name, (parameter.value, parameter.sigma or 0.0)
-    for entries in file.corrections.values():
-        for name, coefficient in entries.items():
-            yield name, (coefficient.value, coefficient.sigma)
-    yield "fit.tcp_sigma_mean_m", (0.0, file.fit.tcp_sigma_mean_m)
 
 
 def _computed(run: RunData, stated: CertificateDetails) -> Content:
     """Everything that the recordings tell."""
     view, result = tcp_view(run), run.identification
-    rule = _rule(stated.tolerance)
-    draws = error_draws(result.robot, view.grid)
-    rows = [
-        (robot, quantity, getattr(of, quantity))
-        for robot, of in draws.items()
-        for quantity in ("mean", "largest")
-    ]
-    limits = dict(stated.tolerance or {})
+    model, rule = result.robot.identified, stated.tolerance or Tolerance()
+    errors = []
+    for (robot, quantity), draws in error_draws(result.robot, view.grid).items():
+        limit = getattr(rule, f"{quantity}_mm")
+        decision = asdict(decide(draws, (limit or 0.0) * 1e-3, rule))
+        errors.append({"robot": robot, "quantity": quantity, "tolerance_mm": limit, **decision})
     return {
         "simulated": any(d.kind == "simulated" for d in _descriptions(run)),
         "measurement": _measurement(run, stated),
         "result": _result(run),
-        "workspace": _workspace(run, view),
-        "growth": _growth(run),
+        "poses": len(view.position),
+        "volume_m": np.stack([view.position.min(axis=0), view.position.max(axis=0)], 1).tolist(),
+        "joints_rad": np.stack([model.lower, model.upper], axis=1).tolist(),
+        "growth": [
+            {"name": c.name, "value": c.value, "sigma": c.sigma}
+            for correction in result.robot.corrections
+            if correction.name == "link_growth"
+            for c in correction.coefficients
+        ],
         "draws": DRAWS,
-        "coverage": coverage(rule),
-        "errors": [
-            {"robot": robot, "quantity": quantity, **_lengths(decide(values, 0.0, rule))}
-            for robot, quantity, values in rows
-        ],
-        "rule": {**asdict(rule), "risk": rule.risk} if limits else None,
-        "conformity": [
-            _decision(robot, quantity, values, limit, rule)
-            for robot, quantity, values in rows
-            if (limit := limits.get(f"{quantity}_mm")) is not None
-        ],
-    }
-
-
-def _rule(tolerance: ToleranceDetails | None) -> Rule:
-    if tolerance is None:
-        return Rule("guarded")
-    return Rule(
-        tolerance.rule, tolerance.coverage_factor, tolerance.guard_factor, tolerance.probability
-    )
-
-
-def _lengths(decision: Any) -> dict[str, float]:
-    return {f"{key}_m": getattr(decision, key) for key in ("value", "sigma", "lower", "upper")}
-
-
-def _decision(robot: str, quantity: str, values: Any, limit: float, rule: Rule) -> Content:
-    decision = decide(values, limit / MM, rule)
-    return {
-        "robot": robot,
-        "quantity": quantity,
-        "tolerance_mm": limit,
-        "probability": decision.probability,
-        "verdict": decision.verdict,
+        "rule": rule.model_dump(mode="json") | {"coverage": rule.coverage, "risk": rule.risk},
+        "errors": errors,
     }
 
 
@@ -208,65 +154,36 @@ def _descriptions(run: RunData) -> list[Any]:
 
 
 def _measurement(run: RunData, stated: CertificateDetails) -> Content:
-    fitted = [r.name for r in run.recordings] + [name for name, _ in run.tables]
-    poses = run.identification.poses
-    logs = [r.recording.robot_log.t for r in run.recordings]
+    """Names and extent of the recordings; temperatures as stated in the details, else as logged."""
+    poses, times = run.identification.poses, [r.recording.robot_log.t for r in run.recordings]
+    groups = [group for _, content in run.tables for group in content.table.groups]
+    logged = [d.temperature_C for d in _descriptions(run) if hasattr(d, "temperature_C")]
+    logged += [float(t) for g in groups if g.temperature is not None for t in g.temperature]
+    known = [t for t in logged if t is not None]
+    mean, spread = stated.temperature_C, stated.temperature_spread_C
+    if mean is None and known:
+        mean = float(np.mean(known))
+    if spread is None and len(known) > 1:
+        spread = max(known) - min(known)
     return {
-        "fitted": fitted,
+        "fitted": [r.name for r in run.recordings] + [name for name, _ in run.tables],
         "held_out": [outcome.name for outcome in run.outcomes],
-        "seconds": float(sum(t[-1] - t[0] for t in logs)),
+        "seconds": float(sum(t[-1] - t[0] for t in times)),
         "samples": sum(r.estimate.samples for r in run.recordings),
         "poses": 0 if poses is None else poses.table.size,
-        "temperature_C": _temperature(run, stated),
-    }
-
-
-def _temperature(run: RunData, stated: CertificateDetails) -> dict[str, float | None]:
-    """Mean and spread as stated in the details, else as logged; None where neither tells."""
-    logged = [getattr(d, "temperature_C", None) for d in _descriptions(run)]
-    for _, content in run.tables:
-        groups = content.table.groups
-        logged += [float(t) for g in groups if g.temperature is not None for t in g.temperature]
-    known = [t for t in logged if t is not None]
-    mean = float(np.mean(known)) if known else None
-    spread = max(known) - min(known) if len(known) > 1 else None
-    own = stated.temperature_C, stated.temperature_spread_C
-    return {
-        "mean": mean if own[0] is None else own[0],
-        "spread": spread if own[1] is None else own[1],
+        "temperature_C": mean,
+        "temperature_spread_C": spread,
     }
 
 
 def _result(run: RunData) -> Content:
-    result = run.identification
-    failed = any(not outcome.acceptable for outcome in run.outcomes)
-    status = str(result.verdict.status)
-    coefficients = sum(len(c.coefficients) for c in result.robot.corrections)
+    result, verdict = run.identification, run.identification.verdict
     return {
-        "status": "held_out_failed" if failed and result.verdict.acceptable else status,
+        "status": str(verdict.status),
+        "held_out_explained": all(outcome.acceptable for outcome in run.outcomes),
         "acceptable": run.acceptable,
-        "unknowns": parameter_count(result) + coefficients,
-        "tcp_sigma_m": float(result.robot.tcp.sigma.mean()),
-        "tcp_sigma_without_scale_m": float(result.robot.tcp.without_scale.mean()),
+        "unknowns": parameter_count(result)
+        + sum(len(c.coefficients) for c in result.robot.corrections),
+        "tcp_sigma": float(result.robot.tcp.sigma.mean()),
+        "tcp_sigma_without_scale": float(result.robot.tcp.without_scale.mean()),
     }
-
-
-def _workspace(run: RunData, view: TcpView) -> Content:
-    robot = run.identification.robot.identified
-    ends = np.stack([view.position.min(axis=0), view.position.max(axis=0)], axis=1)
-    joints = np.rad2deg(np.stack([robot.lower, robot.upper], axis=1))
-    return {
-        "poses": len(view.position),
-        "box_mm": (ends * MM).round().tolist(),
-        "joints_deg": joints.round().tolist(),
-    }
-
-
-def _growth(run: RunData) -> list[Content]:
-    """What was identified of the growth of links during the measurement."""
-    return [
-        {"name": c.name, "value_m": c.value, "sigma_m": c.sigma}
-        for correction in run.identification.robot.corrections
-        if correction.name == "link_growth"
-        for c in correction.coefficients
-    ]

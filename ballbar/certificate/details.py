@@ -1,22 +1,20 @@
-"""What a certificate states that no recording shows: `job.yaml`, filled in by hand.
+"""Details of a certificate that no recording shows: `job.yaml`, which the user fills in.
 
 Every key may be left out or empty; the certificate then prints that it is missing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from ballbar.cell.errors import InputError
-from ballbar.cell.schema import Line, NotNegative, Positive, Strict
+from ballbar.cell.schema import Line, NotNegative, Strict
 from ballbar.cell.schema_errors import wrong_key
 from ballbar.cell.strict_yaml import check_schema, load_yaml, parse_model
-from ballbar.certificate.conformity import RuleName
-from ballbar.ident.options import FitOptions
+from ballbar.certificate.conformity import Tolerance
 from ballbar.identify_settings import IdentifySettings
 from ballbar.result.names import RECORDING
 
@@ -51,24 +49,6 @@ class StandardDetails(Strict):
     uncertainty: Line | None = None
 
 
-class ToleranceDetails(Strict):
-    """Limits of the TCP error over the workspace, and the rule that decides about them."""
-
-    mean_mm: Positive | None = None
-    largest_mm: Positive | None = None
-    rule: RuleName = "guarded"
-    guard_factor: Annotated[float, Field(ge=0.0, le=5.0)] = 1.0
-    coverage_factor: Annotated[float, Field(gt=0.0, le=3.0)] = 2.0
-    probability: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
-
-    @model_validator(mode="after")
-    def _states_a_limit(self) -> ToleranceDetails:
-        if self.mean_mm is None and self.largest_mm is None:
-            message = "states no limit: give mean_mm, largest_mm or both, or remove `tolerance`"
-            raise wrong_key("mean_mm", message=message)
-        return self
-
-
 class CertificateDetails(Strict):
     """The content of `job.yaml`."""
 
@@ -82,33 +62,32 @@ class CertificateDetails(Strict):
     number: Line | None = None
     laboratory: Line | None = None
     customer: Line | None = None
-    robot: RobotDetails | None = None
-    instrument: StandardDetails | None = None
-    plate: StandardDetails | None = None
+    issued: Date | None = None
+    robot: RobotDetails = RobotDetails()
+    instrument: StandardDetails = StandardDetails()
+    plate: StandardDetails = StandardDetails()
     operator: Line | None = None
     place: Line | None = None
     measured: Date | None = None
-    issued: Date | None = None
     temperature_C: Celsius | None = None
     temperature_spread_C: NotNegative | None = None
     load_kg: NotNegative | None = None
     load: Line | None = None
-    tolerance: ToleranceDetails | None = None
+    tolerance: Tolerance | None = None
     traceability: Line | None = None
     remarks: tuple[Line, ...] | None = None
 
     @model_validator(mode="after")
-    def _settings_are_of_the_fit(self) -> CertificateDetails:
-        stated = self.identify.stated if self.identify else []
-        if wrong := [name for name in stated if name not in _OF_THE_FIT]:
-            options = ", ".join(sorted(_OF_THE_FIT))
-            raise wrong_key("identify", wrong[0], message=f"expected one of {options}")
+    def _is_complete_and_of_the_fit(self) -> CertificateDetails:
+        limits = self.tolerance
+        if limits is not None and limits.mean_mm is None and limits.largest_mm is None:
+            what = "states no limit: give mean_mm, largest_mm or both, or remove `tolerance`"
+            raise wrong_key("tolerance", message=what)
+        for name in self.identify.stated if self.identify else ():
+            if name not in _OF_THE_FIT:
+                expected = f"expected one of {', '.join(sorted(_OF_THE_FIT))}"
+                raise wrong_key("identify", name, message=expected)
         return self
-
-    @property
-    def options(self) -> FitOptions:
-        """The options of the fit."""
-        return (self.identify or IdentifySettings()).options
 
 
 def load_details(path: Path) -> CertificateDetails:
@@ -119,29 +98,20 @@ def load_details(path: Path) -> CertificateDetails:
 
 
 def measured_places(details: CertificateDetails, file: Path, result: Path) -> list[list[Path]]:
-    """Places of what was fitted, and of what was held out.
+    """Places of the recordings that were fitted, and of those that were held out.
 
     file : of the details. result : calibration.yaml, beside which `ballbar run` leaves what it
     fitted.
 
     Raises InputError where neither says what was fitted, or where nothing is there.
     """
-    fitted = [file.parent / name for name in details.recordings or ()]
-    if not fitted:
-        fitted = [result.parent / RECORDING]
-        if not fitted[0].exists():
-            what = "names no `recordings`, and none lies beside the result."
-            raise InputError.at(file, what, "Name the folders that it was identified from.")
-    held_out = [file.parent / name for name in details.validate_ or ()]
+    named = details.recordings or (), details.validate_ or ()
+    fitted, held_out = ([file.parent / name for name in names] for names in named)
+    if not fitted and not (result.parent / RECORDING).exists():
+        what = "names no `recordings`, and none lies beside the result."
+        raise InputError.at(file, what, "Name the folders that it was identified from.")
+    fitted = fitted or [result.parent / RECORDING]
     for place in (*fitted, *held_out):
         if not place.exists():
             raise InputError.at(place, "no such folder or file.", f"Correct its name in {file}.")
     return [fitted, held_out]
-
-
-def stated_details(details: CertificateDetails) -> Iterator[tuple[str, object]]:
-    """Keys and values as they are printed; the places of files and settings are no part of it."""
-    content = details.model_dump(by_alias=True, mode="json")
-    for key, value in content.items():
-        if key not in ("schema", "recordings", "validate", "identify"):
-            yield key, value

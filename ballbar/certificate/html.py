@@ -7,18 +7,14 @@ from markupsafe import Markup
 
 from ballbar.certificate.page import Page
 
-OPENING = b'<script type="application/json" id="content">{'
-CLOSING = b"</script>"
+OPENING, CLOSING = b'<script type="application/json" id="content">{', b"</script>"
 
 
 def html(page: Page, content: bytes) -> bytes:
     """The file; content : canonical JSON, which is in it as it is but for its signs `<`."""
+    loader = PackageLoader("ballbar.certificate")
     environment = Environment(
-        loader=PackageLoader("ballbar.certificate"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     # no tag of the page ends in it
     embedded = Markup(content.decode().replace("<", "\\u003c"))

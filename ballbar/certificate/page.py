@@ -1,28 +1,39 @@
-"""The blocks of a certificate, the same for HTML and PDF, in the words of its locale."""
+"""The panels of a certificate, the same for HTML and PDF, in the words of its locale."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ballbar.certificate.words import Words
+import numpy as np
 
-Pair = tuple[str, str | None]  # label and value; None is printed as missing
+from ballbar.certificate.words import Words
+from ballbar.units import MM
+
+_MARKS = {"conforms": "good", "does not conform": "bad", "neither": "open"}
 
 
 @dataclass(frozen=True)
-class Block:
-    """A part of the page: a heading, then pairs, a table, and paragraphs."""
+class Row:
+    """Cells beside each other: a label and its value, or a row of a table."""
+
+    cells: tuple[str, ...]
+    widths: tuple[float, ...]  # shares of the panel's width
+    mark: str = ""  # of the last cell: missing, good, bad, open
+    ruled: bool = False  # a table's: a line below, and all cells but the first to their right
+    head: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A part of the page: a heading, labelled values, a table, and paragraphs."""
 
     heading: str
-    pairs: tuple[Pair, ...] = ()
-    head: tuple[str, ...] = ()
-    rows: tuple[tuple[str, ...], ...] = ()
+    pairs: tuple[Row, ...] = ()
+    table: tuple[Row, ...] = ()
     texts: tuple[str, ...] = ()
-    half: bool = False  # beside the next or the one before
-    widths: tuple[float, ...] = ()  # of the columns, in shares
-    verdicts: tuple[str, ...] = ()  # of each row: good, bad or open
+    half: bool = False  # of the page's width, beside the next one
     small: bool = False
     signed: bool = False
 
@@ -34,189 +45,158 @@ class Page:
     words: Words
     title: str
     subtitle: str
+    title_and_number: str
     warning: str
-    number: str | None
-    head: tuple[Pair, ...]
-    blocks: tuple[Block, ...]
+    head: tuple[Row, ...]
+    panels: tuple[Panel, ...]
     digest: str
-    program: str
 
 
 def page_of(content: dict[str, Any], digest: str) -> Page:
     """The printed page of a certificate's content; digest : of that content."""
     w, details = Words(content["locale"]), content["details"]
-    head = tuple((w(key), details[key]) for key in ("number", "laboratory", "customer", "issued"))
+    head = {w(key): details[key] for key in ("number", "laboratory", "customer", "issued")}
     return Page(
         words=w,
         title=w("title"),
         subtitle=w("subtitle"),
+        title_and_number=" ".join(filter(None, (w("title"), details["number"]))),
         warning=w("simulated") if content["simulated"] else "",
-        number=details["number"],
-        head=head,
-        blocks=tuple(_blocks(w, content, digest)),
+        head=_pairs(w, head, 0.4),
+        panels=(
+            _described(w, content, "robot"),
+            Panel(w("measurement"), _pairs(w, dict(_measurement(w, content)), 0.4), half=True),
+            *(_described(w, content, key) for key in ("instrument", "plate")),
+            _results(w, content),
+            _conformity(w, content),
+            Panel(w("workspace"), _pairs(w, _workspace(w, content))),
+            _remarks(w, details),
+            _inputs(w, content, digest),
+        ),
         digest=digest,
-        program=content["program"],
     )
 
 
-def _blocks(w: Words, content: dict[str, Any], digest: str) -> Iterator[Block]:
-    details, described = content["details"], content["described"]
-    yield Block(w("robot"), _identity(w, details["robot"], described["robot"], _ROBOT), half=True)
-    yield Block(w("measurement"), tuple(_measurement(w, content)), half=True)
-    for key in ("instrument", "plate"):
-        stated = _identity(w, details[key], described[key], _STANDARD)
-        yield Block(w(key), stated, half=True)
-    yield _results(w, content)
-    yield _conformity(w, content)
-    yield Block(w("workspace"), tuple(_workspace(w, content)))
-    remarks = ((w("remarks"), remark) for remark in details["remarks"] or [None])
-    pairs = ((w("traceability"), details["traceability"]), *remarks)
-    yield Block(w("traceability"), pairs, signed=True)
-    yield _inputs(w, content, digest)
+def _pairs(w: Words, values: Mapping[str, str | None], share: float = 0.3) -> tuple[Row, ...]:
+    """Labels and values; what is None is missing."""
+    return tuple(
+        Row((label, value or w("missing")), (share, 1.0 - share), "" if value else "missing")
+        for label, value in values.items()
+    )
 
 
-_ROBOT = ("maker", "type", "serial_number", "controller", "controller_serial_number", "software")
-_STANDARD = (
-    *("maker", "type", "serial_number"),
-    *("calibrated", "calibrated_by", "certificate", "uncertainty"),
-)
+def _table(
+    head: Sequence[str], rows: Sequence[Sequence[str]], widths: tuple[float, ...], *marks: str
+) -> tuple[Row, ...]:
+    """A table with a mark of each row, or none."""
+    marked = zip(rows, marks or [""] * len(rows), strict=True)
+    body = (Row(tuple(row), widths, mark, ruled=True) for row, mark in marked)
+    return (Row(tuple(head), widths, ruled=True, head=True), *body)
 
 
-def _identity(
-    w: Words, stated: dict[str, str | None] | None, described: str, keys: tuple[str, ...]
-) -> tuple[Pair, ...]:
-    """What the details state, then the description that the computation used."""
-    own = tuple((w(key), (stated or {}).get(key)) for key in keys)
-    return (*own, (w("description"), described or "\u2013"))
+def _described(w: Words, content: dict[str, Any], key: str) -> Panel:
+    """Details of robot, instrument or plate, then the description that the computation used."""
+    stated = {w(name): value for name, value in content["details"][key].items()}
+    described = content["described"][key] or "\u2013"
+    return Panel(w(key), _pairs(w, stated | {w("description"): described}, 0.4), half=True)
 
 
-def _measurement(w: Words, content: dict[str, Any]) -> Iterator[Pair]:
+def _measurement(w: Words, content: dict[str, Any]) -> Iterator[tuple[str, str | None]]:
     details, measured = content["details"], content["measurement"]
-    for key in ("operator", "place", "measured"):
-        yield w(key), details[key]
-    for label, key in (("temperature", "mean"), ("temperature_spread", "spread")):
-        value = measured["temperature_C"][key]
-        unit = "\u00b0C" if key == "mean" else "K"
-        yield w(label), None if value is None else f"{w.plain(value)} {unit}"
-    load = details["load_kg"]
-    mass = [] if load is None else [f"{w.plain(load)} kg"]
-    yield w("load"), ", ".join(filter(None, (*mass, details["load"]))) or None
+    yield from ((w(key), details[key]) for key in ("operator", "place", "measured"))
+    yield w("temperature"), w.measured(measured["temperature_C"], "\u00b0C")
+    yield w("temperature_spread"), w.measured(measured["temperature_spread_C"], "K")
+    load = w.measured(details["load_kg"], "kg"), details["load"]
+    yield w("load"), ", ".join(filter(None, load)) or None
     yield w("recordings"), ", ".join(measured["fitted"])
     if measured["held_out"]:
         yield w("held_out"), ", ".join(measured["held_out"])
-    parts = []
-    if measured["samples"]:
-        seconds = w.number(measured["seconds"], 0)
-        parts.append(w("moving", seconds=seconds, samples=str(measured["samples"])))
-    if measured["poses"]:
-        parts.append(w("still", poses=str(measured["poses"])))
-    yield w("extent"), ", ".join(parts)
+    extent = {key: w.number(measured[key], 0) for key in ("seconds", "samples", "poses")}
+    kinds = [kind for kind, n in (("moving", "samples"), ("still", "poses")) if measured[n]]
+    yield w("extent"), ", ".join(w(kind, **extent) for kind in kinds)
 
 
-def _results(w: Words, content: dict[str, Any]) -> Block:
+def _results(w: Words, content: dict[str, Any]) -> Panel:
+    result, errors = content["result"], content["errors"]
+    sigmas = result["tcp_sigma"], result["tcp_sigma_without_scale"]
+    stated, without = (w.millimetres(sigma, sigma) for sigma in sigmas)
     rows = [
         (
-            f"{w(error['robot'])}, {w(error['quantity'])}",
-            w.millimetres(error["value_m"], error["sigma_m"]),
-            w.millimetres(error["sigma_m"], error["sigma_m"]),
-            _interval(w, error),
+            f"{w(e['robot'])}, {w(e['quantity'])}",
+            *(w.millimetres(e[key], e["sigma"]) for key in ("value", "sigma")),
+            w("range", low=w.length(e["lower"], e["sigma"]), high=w.length(e["upper"], e["sigma"]))
+            + "\u00a0mm",
         )
-        for error in content["errors"]
+        for e in errors
     ]
-    percent = w.percent(content["coverage"])
-    head = (w("tcp_error"), w("value"), w("standard_uncertainty"), w("interval", percent=percent))
-    result = content["result"]
-    sigma, without = result["tcp_sigma_m"], result["tcp_sigma_without_scale_m"]
-    stated, less = (w.millimetres(s, s).removesuffix("\u00a0mm") for s in (sigma, without))
-    pairs: tuple[Pair, ...] = (
-        (w("fit_status"), w(result["status"])),
-        (w("unknowns"), str(result["unknowns"])),
-        (w("stated"), w("with_scale", sigma=stated, without=less)),
-    )
-    poses, draws = str(content["workspace"]["poses"]), str(content["draws"])
-    texts = (w("method", poses=poses, draws=draws),)
-    return Block(w("results"), pairs, head, tuple(rows), texts, widths=(0.4, 0.15, 0.21, 0.24))
+    interval = w("interval", percent=w.percent(content["rule"]["coverage"]))
+    head = w("tcp_error"), w("value"), w("standard_uncertainty"), interval
+    quality = w(result["status"] if result["held_out_explained"] else "held_out_failed")
+    pairs = {
+        w("fit_status"): quality,
+        w("unknowns"): str(result["unknowns"]),
+        w("stated"): w("with_scale", sigma=stated, without=without),
+    }
+    method = w("method", poses=str(content["poses"]), draws=str(content["draws"]))
+    table = _table(head, rows, (0.4, 0.15, 0.21, 0.24))
+    return Panel(w("results"), _pairs(w, pairs), table, (method,))
 
 
-def _interval(w: Words, error: dict[str, Any]) -> str:
-    ends = (w.millimetres(error[key], error["sigma_m"]) for key in ("lower_m", "upper_m"))
-    return w("range", low=next(ends).removesuffix("\u00a0mm"), high=next(ends))
-
-
-def _conformity(w: Words, content: dict[str, Any]) -> Block:
-    rule, decisions = content["rule"], content["conformity"]
-    if rule is None:
-        return Block(w("conformity"), texts=(w("no_tolerance"),))
-    percent = w.percent
-    named = {
-        "simple": lambda: w("simple", risk=percent(rule["risk"])),
-        "guarded": lambda: w(
-            "guarded",
-            risk=percent(rule["risk"]),
-            guard=w.plain(rule["guard_factor"]),
-            k=w.plain(rule["coverage_factor"]),
-        ),
-        "probability": lambda: w(
-            "by_probability", risk=percent(rule["risk"]), probability=percent(rule["probability"])
-        ),
-    }[rule["name"]]()
+def _conformity(w: Words, content: dict[str, Any]) -> Panel:
+    rule = content["rule"]
+    decided = [error for error in content["errors"] if error["tolerance_mm"] is not None]
+    if not decided:
+        return Panel(w("conformity"), texts=(w("no_tolerance"),))
+    values = {key: w.percent(rule[key]) for key in ("risk", "probability")}
+    factors = {"guard": w.plain(rule["guard_factor"]), "k": w.plain(rule["coverage_factor"])}
+    named = w(f"rule_{rule['rule']}", **values, **factors)
     if not content["result"]["acceptable"]:
-        return Block(w("conformity"), texts=(w("no_statement"), named))
-    rows = tuple(
+        return Panel(w("conformity"), texts=(w("no_statement"), named))
+    rows = [
         (
-            f"{w(d['robot'])}, {w(d['quantity'])}",
-            f"{w.plain(d['tolerance_mm'])} mm",
-            _probability(w, d["probability"], content["draws"]),
-            w(d["verdict"]),
+            f"{w(e['robot'])}, {w(e['quantity'])}",
+            w.measured(e["tolerance_mm"], "mm") or "",
+            _probability(w, e["probability"], 10.0 / content["draws"]),
+            w(e["verdict"]),
         )
-        for d in decisions
-    )
-    head = (w("tcp_error"), w("tolerance"), w("probability"), w("statement"))
-    classes = {"conforms": "good", "does not conform": "bad", "neither": "open"}
-    return Block(
-        w("conformity"),
-        head=head,
-        rows=rows,
-        texts=(named,),
-        widths=(0.4, 0.15, 0.23, 0.22),
-        verdicts=tuple(classes[d["verdict"]] for d in decisions),
-    )
+        for e in decided
+    ]
+    head = w("tcp_error"), w("tolerance"), w("probability"), w("statement")
+    marks = (_MARKS[error["verdict"]] for error in decided)
+    table = _table(head, rows, (0.36, 0.12, 0.29, 0.23), *marks)
+    return Panel(w("conformity"), table=table, texts=(named,))
 
 
-def _probability(w: Words, probability: float, draws: int) -> str:
-    """In percent; what no draw shows is stated as a limit."""
-    least = 10.0 / draws
-    if probability > 1.0 - least:
-        return w("above", percent=w.percent(1.0 - least))
-    if probability < least:
-        return w("below", percent=w.percent(least))
-    return f"{w.percent(probability)} %"
+def _probability(w: Words, probability: float, least: float) -> str:
+    """In percent; what hardly any draw shows is stated as a limit."""
+    if least <= probability <= 1.0 - least:
+        return f"{w.percent(probability)}\u00a0%"
+    above = probability > 0.5
+    return w("above" if above else "below", percent=w.percent(1.0 - least if above else least))
 
 
-def _workspace(w: Words, content: dict[str, Any]) -> Iterator[Pair]:
-    space = content["workspace"]
-    yield w("volume"), "; ".join(w.range(*ends) for ends in space["box_mm"]) + " mm"
-    angles = "; ".join(w.range(*ends) for ends in space["joints_deg"])
-    yield w("joints", count=str(len(space["joints_deg"]))), f"{angles}\u00b0"
+def _workspace(w: Words, content: dict[str, Any]) -> dict[str, str | None]:
+    volume, joints = np.array(content["volume_m"]) * MM, np.rad2deg(content["joints_rad"])
     grown = [
-        f"{g['name']}: {w.millimetres(g['value_m'], g['sigma_m'])} "
-        f"(u = {w.millimetres(g['sigma_m'], g['sigma_m'])})"
+        f"{g['name']}: {w.millimetres(g['value'], g['sigma'])} "
+        f"(u = {w.millimetres(g['sigma'], g['sigma'])})"
         for g in content["growth"]
     ]
-    yield w("growth"), "; ".join(grown) or w("no_growth")
+    return {
+        w("volume"): f"{w.ranges(volume)}\u00a0mm",
+        w("joints", count=str(len(joints))): f"{w.ranges(joints)}\u00b0",
+        w("growth"): "; ".join(grown) or w("no_growth"),
+    }
 
 
-def _inputs(w: Words, content: dict[str, Any], digest: str) -> Block:
-    rows = tuple((f["name"], str(f["size"]), f["sha256"]) for f in content["files"])
-    return Block(
-        w("inputs"),
-        pairs=(
-            (w("program"), f"ballbar-bench {content['program']}"),
-            (w("content_digest"), digest),
-        ),
-        head=(w("file"), w("bytes"), w("digest")),
-        rows=rows,
-        texts=(w("checked").replace("`", ""),),
-        widths=(0.31, 0.11, 0.58),
-        small=True,
-    )
+def _remarks(w: Words, details: dict[str, Any]) -> Panel:
+    remarks = " ".join(details["remarks"] or [])
+    pairs = {w("traceability"): details["traceability"], w("remarks"): remarks}
+    return Panel(w("traceability_and_remarks"), _pairs(w, pairs), signed=True)
+
+
+def _inputs(w: Words, content: dict[str, Any], digest: str) -> Panel:
+    rows = [(f["name"], str(f["size"]), f["sha256"]) for f in content["files"]]
+    program = {w("program"): f"ballbar-bench {content['program']}", w("content_digest"): digest}
+    table = _table((w("file"), w("bytes"), w("digest")), rows, (0.31, 0.11, 0.58))
+    return Panel(w("inputs"), _pairs(w, program), table, (w("checked"),), small=True)

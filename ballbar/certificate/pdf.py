@@ -1,106 +1,38 @@
 """A certificate as a PDF file (ISO 32000-1), written object by object.
 
-Text stays text, in the standard fonts Helvetica and Helvetica-Bold, so that it can be searched and
-copied, and the file depends on nothing but its content: a check writes it again and compares bytes.
-The content itself is an attached file.
+Text stays text, in the standard fonts Helvetica and Helvetica-Bold with their letters of
+Windows-1252, so that it can be searched and copied, and the file depends on nothing but its
+content: a check writes it again and compares bytes. The content itself is an attached file. Widths
+are Adobe's font metrics, which Matplotlib ships.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from pathlib import Path
 
-from ballbar.certificate.fonts import BOLD, REGULAR, Letters, stream, text_width
-from ballbar.certificate.page import Block, Page, Pair
+import matplotlib as mpl
+from matplotlib.ft2font import FT2Font
+
+from ballbar.cell.errors import InputError
+from ballbar.certificate.page import Page, Panel, Row
 
 MM = 72.0 / 25.4  # points
 WIDTH, HEIGHT = 210.0 * MM, 297.0 * MM
 LEFT, TOP, BOTTOM, GAP = 16.0 * MM, 15.0 * MM, 18.0 * MM, 8.0 * MM
 INNER = WIDTH - 2.0 * LEFT
 LEADING = 1.32
-_FIRST = 8  # number of the first page's object
+REGULAR, BOLD = "Helvetica", "Helvetica-Bold"
+INK, QUIET, ACCENT, LINE = "0.11 0.16 0.21", "0.36 0.41 0.45", "0.12 0.31 0.47", "0.82 0.85 0.88"
+COLOURS = {"missing": "0.63 0.25 0", "good": "0.07 0.38 0.25", "bad": "0.56 0.11 0.09"}
+COLOURS |= {"open": "0.48 0.33 0", "": INK}
 OPENING, CLOSING = b"stream\n{", b"\nendstream"  # of the attached content, the first stream
-INK, QUIET, ACCENT = "0.11 0.16 0.21", "0.36 0.41 0.45", "0.12 0.31 0.47"
-LINE, MISSING = "0.82 0.85 0.88", "0.63 0.25 0.00"
-VERDICTS = {"good": "0.07 0.38 0.25", "bad": "0.56 0.11 0.09", "open": "0.48 0.33 0.00"}
-
-
-@dataclass(frozen=True)
-class Text:
-    """A line of text whose base line is `down` below the top of its part [points]."""
-
-    x: float
-    down: float
-    text: str
-    size: float
-    font: str = REGULAR
-    colour: str = INK
-
-
-@dataclass(frozen=True)
-class Stroke:
-    """A horizontal line."""
-
-    x: float
-    down: float
-    width: float
-    colour: str = LINE
-    thick: float = 0.6
-
-
-@dataclass(frozen=True)
-class Part:
-    """What is not torn by the end of a page: its height, and what it draws."""
-
-    height: float
-    drawn: tuple[Text | Stroke, ...] = ()
-
-
-@dataclass
-class _Sheets:
-    """Pages that are filled from the top."""
-
-    letters: Letters = field(default_factory=Letters)
-    pages: list[list[str]] = field(default_factory=lambda: [[]])
-    y: float = HEIGHT - TOP
-
-    def room(self, height: float) -> None:
-        """Begin another page where there is no room for so much."""
-        if self.y - height < BOTTOM and self.pages[-1]:
-            self.pages.append([])
-            self.y = HEIGHT - TOP
-
-    def put(self, parts: Sequence[Part]) -> None:
-        """Place parts below each other, on one page where they fit on one."""
-        whole = sum(part.height for part in parts)
-        self.room(whole if whole < HEIGHT - TOP - BOTTOM else parts[0].height + 40.0)
-        for part in parts:
-            self.room(part.height)
-            self.draw(part, self.y)
-            self.y -= part.height
-
-    def beside(self, left: Sequence[Part], right: Sequence[Part]) -> None:
-        """Place two columns beside each other."""
-        heights = [sum(part.height for part in column) for column in (left, right)]
-        self.room(max(heights))
-        for column in (left, right):
-            y = self.y
-            for part in column:
-                self.draw(part, y)
-                y -= part.height
-        self.y -= max(heights)
-
-    def draw(self, part: Part, y: float) -> None:
-        """Operators of a part with its top at y."""
-        for item in part.drawn:
-            x, base = f"{item.x:.2f}", f"{y - item.down:.2f}"
-            if isinstance(item, Stroke):
-                end = f"{item.x + item.width:.2f}"
-                op = f"{item.colour} RG {item.thick} w {x} {base} m {end} {base} l S"
-            else:
-                shown = self.letters.operators(item.text, item.size, item.font)
-                op = f"BT {item.colour} rg {x} {base} Td {shown} ET"
-            self.pages[-1].append(op)
+_FIRST = 8  # number of the first page's object
+_MINUS = str.maketrans("\u2212", "\u2013")  # an en dash looks like it, and the fonts have it
+_SPACES = {"nonbreakingspace": "space", "sfthyphen": "hyphen"}
+Part = tuple[float, str]  # height, and operators below a base of 0: what no page end tears
 
 
 def pdf(page: Page, content: bytes) -> bytes:
@@ -108,184 +40,191 @@ def pdf(page: Page, content: bytes) -> bytes:
 
     Raises InputError for letters that the standard fonts lack.
     """
-    sheets = _Sheets()
+    sheets, panels = _Sheets(), list(page.panels)
     sheets.put(_head(page))
-    blocks = list(page.blocks)
-    while blocks:
-        block = blocks.pop(0)
-        if block.half and blocks and blocks[0].half:
-            half = (INNER - GAP) / 2.0
-            right = _block(page, blocks.pop(0), LEFT + half + GAP, half)
-            sheets.beside(_block(page, block, LEFT, half), right)
-        else:
-            sheets.put(_block(page, block, LEFT, INNER))
-    _feet(page, sheets)
-    return _file(page, sheets, content)
+    while panels:
+        panel = panels.pop(0)
+        columns = [panel, panels.pop(0)] if panel.half else [panel]
+        width = (INNER - GAP * (len(columns) - 1)) / len(columns)
+        places = [LEFT + k * (width + GAP) for k in range(len(columns))]
+        sheets.put(*(_panel(page, p, x, width) for p, x in zip(columns, places, strict=True)))
+    return _file(page, sheets.pages, content)
+
+
+class _Sheets:
+    """Operators of pages that are filled from the top."""
+
+    def __init__(self) -> None:
+        self.pages, self.y = [""], HEIGHT - TOP
+
+    def put(self, *columns: Sequence[Part]) -> None:
+        """Place columns of parts beside each other, on one page where they fit on one."""
+        height = max(sum(part[0] for part in column) for column in columns)
+        self._room(height if height < HEIGHT - TOP - BOTTOM else 60.0)
+        end = self.y
+        for column in columns:
+            start = self.y
+            for high, operators in column:
+                if len(columns) == 1:
+                    self._room(high)
+                self.pages[-1] += f"q 1 0 0 1 0 {self.y:.2f} cm\n{operators}Q\n"
+                self.y -= high
+            self.y, end = start if len(columns) > 1 else self.y, min(end, self.y)
+        self.y = end
+
+    def _room(self, height: float) -> None:
+        if self.y - height < BOTTOM and self.pages[-1]:
+            self.pages.append("")
+            self.y = HEIGHT - TOP
+
+
+def _text(x: float, down: float, text: str, size: float, font: str, colour: str) -> str:
+    """Operators of a line of text."""
+    code = text.translate(_MINUS).encode("cp1252")
+    plain = "".join(chr(c) if 31 < c < 127 and c not in b"()\\" else f"\\{c:03o}" for c in code)
+    name = "F2" if font == BOLD else "F1"
+    return f"BT /{name} {size:g} Tf {colour} rg {x:.2f} {-down:.2f} Td ({plain}) Tj ET\n"
+
+
+def _rule(x: float, down: float, width: float, colour: str = LINE, thick: float = 0.6) -> str:
+    end = f"{x + width:.2f} {-down:.2f}"
+    return f"{colour} RG {thick} w {x:.2f} {-down:.2f} m {end} l S\n"
 
 
 def _head(page: Page) -> list[Part]:
-    left = [Text(LEFT, 17.0, page.title, 20.0, BOLD, ACCENT)]
-    left.append(Text(LEFT, 33.0, page.subtitle, 10.0, REGULAR, QUIET))
     half = (INNER - GAP) / 2.0
-    drawn: list[Text | Stroke] = [*left]
-    down = 0.0
-    for part in _pairs(page, page.head, LEFT + half + GAP, half, 8.5):
-        drawn += [_lowered(item, down) for item in part.drawn]
-        down += part.height
-    height = max(42.0, down + 4.0)
-    drawn.append(Stroke(LEFT, height, INNER, ACCENT, 2.0))
-    parts = [Part(height + 4.0, tuple(drawn))]
-    if page.warning:
-        parts += _lines(page.warning, LEFT, INNER, 10.0, BOLD, VERDICTS["bad"])
+    left = _text(LEFT, 17.0, page.title, 20.0, BOLD, ACCENT)
+    left += _text(LEFT, 33.0, page.subtitle, 10.0, REGULAR, QUIET)
+    rows, height = "", 0.0
+    for high, operators in _rows(page.head, LEFT + half + GAP, half, 8.5):
+        rows += f"q 1 0 0 1 0 {-height:.2f} cm\n{operators}Q\n"
+        height += high
+    height = max(height + 4.0, 42.0)
+    parts = [(height + 4.0, left + rows + _rule(LEFT, height, INNER, ACCENT, 2.0))]
+    return [*parts, *_lines(page.warning, LEFT, INNER, 10.0, BOLD, COLOURS["bad"])]
+
+
+def _panel(page: Page, panel: Panel, x: float, width: float) -> list[Part]:
+    title = _text(x, 17.0, panel.heading, 10.0, BOLD, ACCENT)
+    parts: list[Part] = [(23.0, title + _rule(x, 20.5, width))]
+    size = 6.3 if panel.small else 8.5
+    parts += _rows(panel.pairs, x, width, min(8.5, size + 1.7))
+    parts += [(4.0, ""), *_rows(panel.table, x, width, size)]
+    for text in panel.texts:
+        parts += [(3.0, ""), *_lines(text, x, width, 7.5, REGULAR, QUIET)]
+    if panel.signed:
+        words = _text(x, 52.0, page.words("signature"), 7.5, REGULAR, QUIET)
+        parts.append((54.0, _rule(x, 43.0, 80.0 * MM, INK) + words))
     return parts
 
 
-def _lowered(item: Text | Stroke, down: float) -> Text | Stroke:
-    if isinstance(item, Stroke):
-        return Stroke(item.x, item.down + down, item.width, item.colour, item.thick)
-    return Text(item.x, item.down + down, item.text, item.size, item.font, item.colour)
+def _rows(rows: Iterable[Row], x: float, width: float, size: float) -> Iterator[Part]:
+    """Rows of cells: pairs without a line, tables with a line below each row."""
+    for row in rows:
+        left, drawn, count = x, "", 1
+        for k, (cell, share) in enumerate(zip(row.cells, row.widths, strict=True)):
+            own, colour = REGULAR, COLOURS[row.mark] if k == len(row.cells) - 1 else INK
+            if row.head or (row.mark and row.ruled and colour != INK):
+                own, colour = BOLD, QUIET if row.head else colour
+            elif not row.ruled and k == 0:
+                colour = QUIET
+            lines = wrapped(cell, share * width - 5.0, size, own)
+            for number, line in enumerate(lines):
+                shift = share * width - text_width(line, size, own) if row.ruled and k else 0.0
+                down = (number + 0.9) * size * LEADING + 2.0 * row.ruled
+                drawn += _text(left + shift, down, line, size, own, colour)
+            left, count = left + share * width, max(count, len(lines))
+        height = count * size * LEADING + (1.0 if not row.ruled else 0.6 * size)
+        line = _rule(x, height - 0.5, width, QUIET if row.head else LINE) if row.ruled else ""
+        yield height, drawn + line
 
 
-def _block(page: Page, block: Block, x: float, width: float) -> list[Part]:
-    heading = Text(x, 17.0, block.heading, 10.0, BOLD, ACCENT)
-    parts = [Part(23.0, (heading, Stroke(x, 20.5, width)))]
-    parts += _pairs(page, block.pairs, x, width, 8.0 if block.small else 8.5)
-    if block.rows:
-        parts += [Part(4.0 if block.pairs else 0.0)]
-        parts += _table(block, x, width)
-    for text in block.texts:
-        parts += [Part(3.0), *_lines(text, x, width, 7.5, REGULAR, QUIET)]
-    if block.signed:
-        words = Text(x, 52.0, page.words("signature"), 7.5, REGULAR, QUIET)
-        parts.append(Part(54.0, (Stroke(x, 43.0, 80.0 * MM, INK), words)))
-    return parts
-
-
-def _pairs(page: Page, pairs: Sequence[Pair], x: float, width: float, size: float) -> list[Part]:
-    """Labels in one column, values in the other."""
-    share = 0.4 if width < INNER else 0.3
-    parts = []
-    for label, value in pairs:
-        colour = INK if value is not None else MISSING
-        shown = page.words("missing") if value is None else value
-        columns = ((label, x, share * width - 6.0, QUIET), (shown, x + share * width, 0.0, colour))
-        drawn, rows = [], 1
-        for text, left, room, ink in columns:
-            lines = wrapped(text, room or (1.0 - share) * width, size, REGULAR)
-            rows = max(rows, len(lines))
-            drawn += [
-                Text(left, (k + 0.9) * size * LEADING, line, size, REGULAR, ink)
-                for k, line in enumerate(lines)
-            ]
-        parts.append(Part(rows * size * LEADING + 1.0, tuple(drawn)))
-    return parts
-
-
-def _table(block: Block, x: float, width: float) -> Iterator[Part]:
-    """Head and rows; the first column from its left, all others to their right."""
-    size = 6.3 if block.small else 8.5
-    yield _row(block, block.head, x, width, 6.3 if block.small else 7.5, QUIET, BOLD)
-    for k, row in enumerate(block.rows):
-        colour = VERDICTS[block.verdicts[k]] if block.verdicts else INK
-        yield _row(block, row, x, width, size, colour, REGULAR)
-
-
-def _row(
-    block: Block, cells: Sequence[str], x: float, width: float, size: float, colour: str, font: str
-) -> Part:
-    drawn: list[Text | Stroke] = []
-    left, rows = x, 1
-    for k, (cell, share) in enumerate(zip(cells, block.widths, strict=True)):
-        marked = k == len(cells) - 1 or font == BOLD
-        style = BOLD if marked and colour != INK else font
-        lines = wrapped(cell, share * width - 4.0, size, style)
-        rows = max(rows, len(lines))
-        for number, line in enumerate(lines):
-            shift = share * width - text_width(line, size, style) if k else 0.0
-            base = (number + 1.0) * size * LEADING
-            drawn.append(Text(left + shift, base, line, size, style, colour if marked else INK))
-        left += share * width
-    height = rows * size * LEADING + (2.5 if block.small else 5.0)
-    drawn.append(Stroke(x, height - 0.5, width, QUIET if font == BOLD else LINE))
-    return Part(height, tuple(drawn))
-
-
-def _lines(text: str, x: float, width: float, size: float, font: str, colour: str) -> list[Part]:
-    return [
-        Part(size * LEADING, (Text(x, 0.9 * size * LEADING, line, size, font, colour),))
-        for line in wrapped(text, width, size, font)
-    ]
+def _lines(text: str, x: float, width: float, size: float, font: str, ink: str) -> Iterator[Part]:
+    for line in wrapped(text, width, size, font) if text else ():
+        yield size * LEADING, _text(x, 0.9 * size * LEADING, line, size, font, ink)
 
 
 def wrapped(text: str, width: float, size: float, font: str) -> list[str]:
     """Lines of a text within a width [points]; a word that is longer is torn."""
-    lines, line = [], ""
+    lines = [""]
     for word in text.split(" "):
-        if line and text_width(f"{line} {word}", size, font) > width:
-            lines.append(line)
-            line = ""
-        line = f"{line} {word}" if line else word
-        while text_width(line, size, font) > width and len(line) > 1:
-            fits = 1
-            while text_width(line[: fits + 1], size, font) <= width:
-                fits += 1
-            lines.append(line[:fits])
-            line = line[fits:]
-    return [*lines, line]
+        longer = f"{lines[-1]} {word}" if lines[-1] else word
+        if text_width(longer, size, font) <= width:
+            lines[-1] = longer
+            continue
+        lines += [""] if lines[-1] else []
+        for letter in word:
+            lines += [""] if text_width(lines[-1] + letter, size, font) > width else []
+            lines[-1] += letter
+    return lines
 
 
-def _feet(page: Page, sheets: _Sheets) -> None:
-    """Number, digest and page at the foot of each page."""
-    count = str(len(sheets.pages))
-    title = " ".join(filter(None, (page.title, page.number)))
+def text_width(text: str, size: float, font: str) -> float:
+    """[points] of a line of text. Raises InputError for a letter that Windows-1252 lacks."""
+    return size * sum(_width(letter, font) for letter in text.translate(_MINUS))
+
+
+@cache
+def _width(letter: str, font: str) -> float:
+    """Width of a letter, as a share of the font's size."""
+    names, widths = _metrics(font)
+    try:
+        letter.encode("cp1252")
+    except UnicodeEncodeError:
+        raise InputError(
+            f"the letter {letter!r} (U+{ord(letter):04X}) is not in the standard fonts of PDF. "
+            "Write it in Latin letters, or make the certificate as HTML alone (--out NAME.html)."
+        ) from None
+    name = names.get_glyph_name(names.get_char_index(ord(letter)))  # both fonts name them so
+    return widths[_SPACES.get(name, name)]
+
+
+@cache
+def _metrics(font: str) -> tuple[FT2Font, dict[str, float]]:
+    """A font that knows the names of glyphs, and the widths of a standard font by these names."""
+    fonts = Path(mpl.get_data_path(), "fonts")
+    metrics = (fonts / "pdfcorefonts" / f"{font}.afm").read_text("latin-1")
+    entries = re.findall(r"^C -?\d+ ; WX (\d+) ; N (\w+) ;", metrics, re.MULTILINE)
+    names = FT2Font(str(fonts / "ttf" / "DejaVuSans.ttf"))
+    return names, {name: int(width) / 1000.0 for width, name in entries}
+
+
+def _foot(page: Page, number: int, count: int) -> str:
+    """Number, digest and page at the foot of a page."""
+    last = page.words("page", page=str(number), pages=str(count))
     middle = f"{page.words('content_digest')}: {page.digest[:16]}"
-    for k, operators in enumerate(sheets.pages):
-        number = page.words("page", page=str(k + 1), pages=count)
-        right, centred = (INNER - text_width(t, 7.0, REGULAR) for t in (number, middle))
-        texts = ((0.0, title), (centred / 2.0, middle), (right, number))
-        lines = (Text(LEFT + x, 11.0, text, 7.0, REGULAR, QUIET) for x, text in texts)
-        foot = _Sheets(sheets.letters, [operators])
-        foot.draw(Part(0.0, (Stroke(LEFT, 0.0, INNER), *lines)), BOTTOM - 8.0)
+    right, centred = (INNER - text_width(text, 7.0, REGULAR) for text in (last, middle))
+    places = ((0.0, page.title_and_number), (centred / 2.0, middle), (right, last))
+    texts = "".join(_text(LEFT + x, 11.0, text, 7.0, REGULAR, QUIET) for x, text in places)
+    return f"q 1 0 0 1 0 {BOTTOM - 8.0:.2f} cm\n{_rule(LEFT, 0.0, INNER)}{texts}Q\n"
 
 
-def _file(page: Page, sheets: _Sheets, content: bytes) -> bytes:
+def _file(page: Page, pages: Sequence[str], content: bytes) -> bytes:
     """Catalog, pages, fonts, attached content, and the table of places."""
-    count = len(sheets.pages)
-    kids = " ".join(f"{_FIRST + 2 * k} 0 R" for k in range(count))
-    own = sheets.letters.font(_FIRST + 2 * count) if sheets.letters.codes else {}
-    extra = f" /F3 {min(own)} 0 R" if own else ""
-    title = "FEFF" + page.title.encode("utf-16-be").hex().upper()
-    encoding = "/Encoding /WinAnsiEncoding"
-    objects = (
-        "<< /Type /Catalog /Pages 2 0 R /Names << /EmbeddedFiles << /Names "
-        f"[(certificate.json) 6 0 R] >> >> /Lang ({page.words.locale}) "
-        "/ViewerPreferences << /DisplayDocTitle true >> >>",
-        f"<< /Type /Pages /Count {count} /Kids [{kids}] /MediaBox [0 0 {WIDTH:.2f} {HEIGHT:.2f}] "
-        f"/Resources << /Font << /F1 3 0 R /F2 4 0 R{extra} >> >> >>",
-        f"<< /Type /Font /Subtype /Type1 /BaseFont /{REGULAR} {encoding} >>",
-        f"<< /Type /Font /Subtype /Type1 /BaseFont /{BOLD} {encoding} >>",
-        f"<< /Title <{title}> /Producer (ballbar-bench) >>",
-        "<< /Type /Filespec /F (certificate.json) /UF (certificate.json) /EF << /F 7 0 R >> >>",
-    )
-    numbered = {k: text.encode() for k, text in enumerate(objects, start=1)}
-    numbered[7] = stream(content, b"/Type /EmbeddedFile /Subtype /application#2Fjson ")
-    for k, operators in enumerate(sheets.pages):
-        at = _FIRST + 2 * k
-        numbered[at] = f"<< /Type /Page /Parent 2 0 R /Contents {at + 1} 0 R >>".encode()
-        numbered[at + 1] = stream("\n".join(operators).encode())
-    return _assembled(numbered | own)
-
-
-def _assembled(objects: dict[int, bytes]) -> bytes:
-    """The file of numbered objects, the first the catalog and the fifth the information."""
-    out, places = b"%PDF-1.7\n%\xe2\xe3\xcf\xd3\n", []
-    for number, body in objects.items():
-        places.append(len(out))
+    kids = " ".join(f"{_FIRST + 2 * k} 0 R" for k in range(len(pages)))
+    title = "FEFF" + page.title_and_number.encode("utf-16-be").hex().upper()
+    font = "/Type /Font /Subtype /Type1 /Encoding /WinAnsiEncoding /BaseFont"
+    objects = [
+        b"<< /Type /Catalog /Pages 2 0 R /Names << /EmbeddedFiles << /Names [(certificate.json) "
+        b"6 0 R] >> >> /Lang (%b) >>" % page.words.locale.encode(),
+        f"<< /Type /Pages /Count {len(pages)} /Kids [{kids}] /MediaBox [0 0 {WIDTH:.2f} "
+        f"{HEIGHT:.2f}] /Resources << /Font << /F1 3 0 R /F2 4 0 R >> >> >>".encode(),
+        *(f"<< {font} /{name} >>".encode() for name in (REGULAR, BOLD)),
+        f"<< /Title <{title}> /Producer (ballbar-bench) >>".encode(),
+        b"<< /Type /Filespec /F (certificate.json) /EF << /F 7 0 R >> >>",
+        _stream(content, b"/Type /EmbeddedFile /Subtype /application#2Fjson "),
+    ]
+    for k, operators in enumerate(pages):
+        objects.append(b"<< /Type /Page /Parent 2 0 R /Contents %d 0 R >>" % (_FIRST + 2 * k + 1))
+        objects.append(_stream((operators + _foot(page, k + 1, len(pages))).encode()))
+    out, places = b"%PDF-1.7\n%\xe2\xe3\xcf\xd3\n", b""
+    for number, body in enumerate(objects, start=1):
+        places += b"%010d 00000 n \n" % len(out)
         out += b"%d 0 obj\n%b\nendobj\n" % (number, body)
-    start, count = len(out), len(objects) + 1
-    out += b"xref\n0 %d\n0000000000 65535 f \n" % count
-    out += b"".join(b"%010d 00000 n \n" % place for place in places)
-    return out + (
-        b"trailer\n<< /Size %d /Root 1 0 R /Info 5 0 R >>\nstartxref\n%d\n%%%%EOF\n"
-        % (count, start)
-    )
+    size, end = len(objects) + 1, b"startxref\n%d\n%%%%EOF\n" % len(out)
+    out += b"xref\n0 %d\n0000000000 65535 f \n%b" % (size, places)
+    return out + b"trailer\n<< /Size %d /Root 1 0 R /Info 5 0 R >>\n%b" % (size, end)
+
+
+def _stream(content: bytes, entries: bytes = b"") -> bytes:
+    return b"<< %b/Length %d >>\nstream\n%b\nendstream" % (entries, len(content), content)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 from rich.markup import escape
 
 from ballbar.cell.errors import InputError
+from ballbar.certificate.words import Locale
 from ballbar.commands.options import command
 from ballbar.terminal import out, progress_bar
 
@@ -21,7 +21,7 @@ def certificate(
     *,
     details: Path | None = None,
     file: Path | None = None,
-    locale: Annotated[str, typer.Option(autocompletion=lambda: ["en", "de", "sv"])] = "en",
+    locale: Locale = "en",
     template: bool = False,
     check: Path | None = None,
     inputs: Path | None = None,
@@ -38,7 +38,7 @@ def certificate(
     --details FILE : What no recording shows, such as serial numbers; see --template.
     --out PLACE : Folder for certificate.pdf and certificate.html (default: that of the details), or
         one file of either kind.
-    --locale en|de|sv : Language.
+    --locale : Language.
     --template : Print a file for --details to fill in.
     --check FILE : Certificate to be checked.
     --inputs FOLDER : Where its input files lie, if not where they were.
@@ -58,26 +58,26 @@ def certificate(
         _write(result, details, file, locale)
 
 
-def _write(result: Path, details: Path, place: Path | None, locale: str) -> None:
+def _write(result: Path, details: Path, place: Path | None, locale: Locale) -> None:
     from ballbar.cell.files import name_from, write_new_together
     from ballbar.certificate.check import KINDS, certificate_file
     from ballbar.certificate.content import certificate_content
-    from ballbar.certificate.words import known_locale
     from ballbar.ident.options import Listener
 
-    language, place = known_locale(locale), place or details.parent
+    place = place or details.parent
     files = [place] if place.suffix in KINDS else [place / f"certificate{kind}" for kind in KINDS]
     with progress_bar() as progress:
         content, base = certificate_content(
-            result, details, base=None, locale=language, listener=Listener(progress)
+            result, details, locale=locale, listener=Listener(progress)
         )
     content["base"] = name_from(files[0].parent, base)
     write_new_together({each: certificate_file(content, each.suffix) for each in files})
     for each in files:
         out.print(f"Wrote {escape(str(each))}")
-    for decision in content["conformity"]:
-        words = f"{decision['robot']} robot, {decision['quantity']} TCP error"
-        out.print(f"{words} against {decision['tolerance_mm']:g} mm: {decision['verdict']}")
+    for error in content["errors"]:
+        if (limit := error["tolerance_mm"]) is not None:
+            what = f"{error['robot']} robot, {error['quantity']} TCP error against {limit:g} mm"
+            out.print(f"{what}: {error['verdict']}")
 
 
 def _check(file: Path, inputs: Path | None) -> None:
