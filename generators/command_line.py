@@ -6,6 +6,7 @@ python -m generators.command_line
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -16,6 +17,7 @@ from typer.models import ArgumentInfo, CommandInfo, OptionInfo
 
 from ballbar.cell.files import write_whole
 from ballbar.commands.listing import COMMANDS
+from ballbar.commands.options import Out, ResultFile, ScenarioFile
 
 PAGE = Path(__file__).parents[1] / "docs/command_line.md"
 HEAD = """# Command line
@@ -24,43 +26,45 @@ Written by `python -m generators.command_line` from the texts of `--help`; do no
 
 ## What holds for every command
 
-**Exit codes.** 0: done. 1: the command ran, but its result is not acceptable; the first line says
-why. 2: bad input; the message names file, line and key, and the remedy. 3: a fault of the program,
-whose details are written to a file to be reported, or too little memory; a result that its own
-reader refuses is kept in calibration.refused.yaml. 130: ended by Ctrl-C or SIGTERM, but `record`,
-`watch` and the search of `plan`, which then go on to their result.
+**Exit codes.** 0: done. 1: the result is not acceptable; the first line says why. 2: bad input;
+the message names file, line and key, and the remedy. 3: a fault of the program, whose details are
+written to a file to be reported, or too little memory; a result that its own reader refuses is kept
+in calibration.refused.yaml. 130: ended by Ctrl-C or SIGTERM, but `record`, `watch` and the search
+of `plan`, which then go on to their result.
 
 **Output.** Results go to standard output, everything else to standard error. `--quiet`, `-q`
-leaves nothing but errors, and the JSON if `--json` is given. `--verbose`, `-v` prints each stage
-with the second at which it began. Both may stand before or behind the name of the command. In a
-pipe there are no colours and no progress bars (`FORCE_COLOR=1` keeps colours, `NO_COLOR=1` leaves
-them out). Ctrl-C leaves no half-written file; a sweep continues from the runs that are done.
+leaves nothing but errors and JSON. `--verbose`, `-v` prints each stage with the second at which it
+began. Both may stand before the name of the command. In a pipe there are no colours
+(`FORCE_COLOR=1` keeps them, `NO_COLOR=1` leaves them out) and no progress bars. Ctrl-C leaves no
+half-written file.
 
-**`--set KEY=VALUE`** of commands that take a scenario, a sweep or a plan request replaces the value
-of a dotted key, such as `seed=2`; it may be repeated.
+**Common.** `SCENARIO` is a scenario file, or the name of a shipped one such as irb2400; `RESULT` a
+calibration.yaml, or the folder that holds it. `--out DIR` of what writes a folder names it; it must
+hold nothing else. `--set KEY=VALUE` of what takes a scenario, a sweep or a plan request replaces the
+value of a dotted key, such as `seed=2`; repeatable, as everything with `...` below.
 
-**Completion** for bash, zsh, fish and PowerShell: `ballbar --install-completion`, or
-`ballbar --show-completion`, which prints the script. `ballbar --version` prints the release and a
-digest of the code.
+**Completion** for bash, zsh, fish and PowerShell: `ballbar --install-completion`; `ballbar
+--show-completion` prints the script. `ballbar --version` prints the release and a digest of the
+code.
 
-Below stand purpose, usage and options of each command; its `--help` says more.
+Each command's `--help` says more, with more examples.
 
 ## Fields of --json
 
-`--json` prints the result as one JSON value (`watch`: one a line): SI units, keys that carry them.
-The exit code is the same. `comparison`, `plant` and `limits` are null or empty for a real cell.
+`--json` prints the result as one JSON value (`watch`: one a line), SI units, with the same exit
+code. `comparison`, `plant` and `limits` are null or empty for a real cell.
 
 |command|fields|
 |---|---|
-|`run`, `identify`|`acceptable`; `sentence`: the verdict; `folder`, `files`; `calibration`: content of [calibration.yaml](calibration_file.md); `plant`: largest loop-closure error `closure_position_m`, `closure_angle_rad`, and `rod_force_min_N`, `rod_force_max_N` (pull is positive), of still poses a sentence; `comparison`; `limits`: `what`, `measured`, `allowed`, `unit` (the only numbers not in SI), `met`|
-|`compare`|fields of `comparison`: `tcp_error`, `tcp_error_nominal`: `mean_m`, `max_m`, `mean_without_scale_m` over the workspace; `deviations`: estimated minus true of each parameter; `distance`: their Euclidean norm; `clock_offset_error_s`, `clock_skew_error`|
+|`run`, `identify`|`acceptable`; `sentence`; `folder`, `files`; `calibration`: [calibration.yaml](calibration_file.md); `plant`: largest loop-closure error `closure_position_m`, `closure_angle_rad`, and `rod_force_min_N`, `rod_force_max_N` (pull is positive), of still poses a sentence; `comparison`; `limits`: `what`, `measured`, `allowed`, `unit` (the only numbers not in SI), `met`|
+|`compare`|as `comparison`: `tcp_error`, `tcp_error_nominal`: `mean_m`, `max_m`, `mean_without_scale_m`; `deviations`: estimated minus true of each parameter; `distance`: their norm; `clock_offset_error_s`, `clock_skew_error`|
 |`simulate`|`recording`, `truth`: paths; `plant`; `limits`; of still poses `force_N` in place of `limits`|
-|`plan`|`acceptable`; `folder`, `files`; `plan`: content of plan.yaml|
-|`rehearse`|content of rehearsal.json: `acceptable`; `scenario`, `robot`, `measured_by`, `seed`, `speed`, `fault`; `wall_time_s`; `stages`: `name`, `sentence`, `met`, `wall_time_s`, `figures`; `limits`|
+|`plan`|`acceptable`; `folder`, `files`; `plan`: plan.yaml|
+|`rehearse`|rehearsal.json: `acceptable`; `scenario`, `robot`, `measured_by`, `seed`, `speed`, `fault`; `wall_time_s`; `stages`: `name`, `sentence`, `met`, `wall_time_s`, `figures`; `limits`|
 |`sweep`|`finished`; `runs`, `done`; `folder`; `table`, `csv`, `failed`, `commonest_failure`; `points`: `values`, `runs`, `failed`, `results` (`median`, `q95`) of the columns of [the table](sweeps.md)|
 |`claims`|of each file `title` and `claims`: `name`, `source`, `says`, `verdict`, `passed`, checks|
 |`check`, `new`|of each file what was read; findings, logs, coarse clock; `new` also `recording`|
-|`record`|`recording`; `sources`: counts, losses and events; `missing`; with `--identify` `identified`, the last line of `watch`, or `identification_ended`: why there is none|
+|`record`|`recording`; `sources`: counts, losses and events; `missing`; `identified`, the last line of `watch`, or `identification_ended`: why there is none|
 |`watch`|`recorded_s`; `rows` by source; `waiting`; `alarms`: `kind`, `sentence`, `raised` [s], `subject`; `verdict`, `model`, `identified_until_s`; `tcp_sigma_m`, `tcp_sigma_without_scale_m`, `tcp_sigma_end_m`; clock; `noise` [rad]; `sphere_covered`, `axes_covered` (0 to 1); `predicted`, `enough`|
 |`verify` of a recording|`holds`, `comparable` (false: cannot tell, exit code 2), `sentence`, `warnings`; `position_rms_m`, `angle_rms_rad`; `normalised_innovation`: residual over what noise and stated uncertainty explain; `chi2_per_dof_with_free_machine`; `log_bayes_factor` of a change, `limit`; `causes`: `kind`, `axis`, `parameters`, `size`, `sigma`, `log_bayes_factor`, `named`|
 |`verify` of still poses|`holds`, `comparable`, `sentence`, `warnings`; `poses`, `poses_outside_fitted_ranges`; `mean_error_m`, `expected_mean_error_m`, `largest_mean_error_m`; `sum_of_squares`, `degrees_of_freedom`, `limit`; `causes`: `kind`, `name`, `size`, `sigma`, `sum_of_squares_left`, `named`|
@@ -68,8 +72,10 @@ The exit code is the same. `comparison`, `plant` and `limits` are null or empty 
 |`correct` of a table|`file`, `targets`, `included`, `warnings`, `predicted_position_error_m`, `predicted_angle_error_rad` (`mean`, `max`), `left_in_the_model_m`, `largest_axis_correction_rad`|
 |`list`|`robots`, `ballbars`, `instruments`, `plates`, `dialects`, `scenarios`: names and titles|
 """  # noqa: E501  rows of a table
-_KINDS = {int: "whole number", float: "number", str: "text", Path: "path"}
+_KINDS = {int: "integer", float: "number", str: "text", Path: "path"}
 _SHARED = {"--quiet", "--verbose", "--json", "--set"}  # at the head of the page
+_SHARED_HELP = [get_args(kind)[1].help for kind in (ScenarioFile, ResultFile, Out)]  # there, too
+_REPEATABLE = re.compile(r"[;.,]? ?(?:[Mm]ay be repeated|repeatable)(?=\.|$)")  # `...` says it
 
 
 def page_text() -> str:
@@ -108,8 +114,8 @@ def _command(name: str, command: CommandInfo) -> Iterator[str]:
     rows = [row for _, _, row in parameters if row]
     if rows:
         yield "\n| |values (default)|meaning|\n|---|---|---|\n" + "".join(rows)
-    if command.epilog:
-        yield f"\n{command.epilog}\n"
+    if example := re.match(r"Example: `[^`]+`", command.epilog or ""):  # the first; --help has all
+        yield f"\n{example[0]}\n"
 
 
 def _parameters(function: Callable[..., Any]) -> Iterator[tuple[str, type, str]]:
@@ -130,8 +136,8 @@ def _parameters(function: Callable[..., Any]) -> Iterator[tuple[str, type, str]]
         values = _values(hint, info)
         if optional and parameter.default not in (None, False, ""):
             values += f" (`{parameter.default}`)"
-        row = f"|`{shown}`|{values}|{_text(info.help)}|\n"
-        yield typed, type(info), "" if shown in _SHARED else row
+        row = f"|`{shown}`|{values}|{_text(_REPEATABLE.sub('', info.help or ''))}|\n"
+        yield typed, type(info), "" if shown in _SHARED or info.help in _SHARED_HELP else row
 
 
 def _described(hint: Any) -> tuple[Any, ArgumentInfo | OptionInfo]:
@@ -158,13 +164,11 @@ def _values(hint: Any, info: ArgumentInfo | OptionInfo) -> str:
         return ", ".join(f"`{choice}`" for choice in get_args(kind))
     named = isinstance(info, OptionInfo) and info.metavar
     text = f"`{_text(info.metavar)}`" if named else _KINDS.get(kind, str(kind))
-    limits = [
-        f"{sign} {limit:g}"
-        for sign, limit in (("≥", info.min), ("≤", info.max))
-        if limit is not None
-    ]
-    text = f"{text} ..." if many else text
-    return ", ".join([" ".join([text, *limits[:1]]), *limits[1:]])
+    if info.min is not None and info.max is not None:
+        text = f"{text} {info.min:g} to {info.max:g}"
+    elif info.min is not None:
+        text = f"{text} ≥ {info.min:g}"
+    return f"{text} ..." if many else text
 
 
 def _text(words: str | None) -> str:

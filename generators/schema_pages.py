@@ -53,23 +53,28 @@ class SchemaPage:
     def _section(self, title: str, model: type[BaseModel]) -> str:
         """Heading, meaning and keys of a model; defaults in a file that people write."""
         kinds = {key: f"; of {mark.kind}" for key, mark in marks_of(model)}
-        items = "".join(
+        items = [
             self._item(field.alias or name, field, kinds.get(field.alias or name, ""))
             for name, field in model.model_fields.items()
-        )
-        return f"## {title}\n\n{first_paragraph(model)}\n\n{items}"
+        ]
+        listed = "\n".join(f"- {item}" for item in items)
+        keys = listed if self.written_by_people else ",\n".join(items)
+        return f"## {title}\n\n{first_paragraph(model)}\n\n{keys}\n"
 
     def _item(self, key: str, field: FieldInfo, kind: str) -> str:
-        """One key as an item of a list: default, values, kind of result and meaning."""
+        """One key: default, values, kind of result and meaning."""
         default = default_text(field) if self.written_by_people else "null"
         if default in ("required", "null") or models_in(field.annotation):
             kind = ", required" + kind if default == "required" else kind
         else:
             key = f"{key}: {default}"
         meaning = f": {field.description}" if field.description else ""
-        values = _values(field) + kind
-        plain = not self.written_by_people and values == "number"
-        return f"- `{key}`{'' if plain else f' ({values})'}{meaning}\n"
+        values = _values(field)
+        if not self.written_by_people:  # kinds and limits of what a program wrote say the obvious
+            values = re.sub(r"\b(numbers?|integers?) (-?\d+ to \d+|[≥>] \d+)", r"\1", values)
+            values = re.sub(r"^(number|integer|text|true or false)$", "", values)
+        about = f"{values}{kind}".removeprefix("; ")
+        return f"`{key}`{f' ({about})' if about else ''}{meaning}"
 
 
 PAGES = (
@@ -89,8 +94,7 @@ def _collect(model: type[BaseModel], models: dict[type[BaseModel], None]) -> Non
 
 
 def _values(field: FieldInfo) -> str:
-    text = re.sub(r"list of (\w+s) exactly (\d)", r"\2 \1", values_text(field))
-    text = re.sub(r"list of (\w+s) at least (\d)", r"at least \2 \1", text)
+    text = values_text(field)
     for inner in models_in(field.annotation):
         title = _title(inner)
         link = f"[{title}](#{title.lower().replace(' ', '-')})"
