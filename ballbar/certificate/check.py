@@ -61,7 +61,7 @@ def content_of(file: Path) -> tuple[Content, bytes]:
 def check_certificate(
     file: Path, inputs: Path | None = None, *, listener: Listener = SILENT
 ) -> list[str]:
-    """What does not hold of a certificate, in sentences; none where it holds.
+    """Sentences on each thing that does not hold of a certificate; none where it holds.
 
     inputs : the folder from which its input files are named, by default where it was written from.
 
@@ -85,10 +85,10 @@ def _text(file: Path, content: Content, raw: bytes) -> Iterator[str]:
     if raw != expected:
         pairs = zip(raw, expected, strict=False)
         at = next((k for k, (a, b) in enumerate(pairs) if a != b), min(len(raw), len(expected)))
-        found = raw[max(0, at - 20) : at + 20].decode("utf-8", "replace")
+        changed = raw[max(0, at - 20) : at + 20].decode("utf-8", "replace")
         yield (
-            f"its text is not that of its content, from byte {at} ({found!r}): it was changed, or "
-            f"written by another release ({content['program']})"
+            f"its text is not that of its content, from byte {at} ({changed!r}): it was changed, "
+            f"or written by another release ({content['program']})"
         )
 
 

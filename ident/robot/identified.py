@@ -322,19 +322,6 @@ class IdentifiedRobot:
         return self.stated
 
 
-def covariance_root(covariance: Array) -> Array:
-    """(U, U) matrix R with R R' the covariance (U, U): the symmetric root of the correlations,
-    scaled.
-
-    It changes little with the last bits of the covariance, as eigenvectors do not.
-    """
-    sigma = np.sqrt(np.diag(covariance))
-    scale = np.where(sigma > 0.0, sigma, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    return np.asarray(sigma[:, None] * root)
-
-
 def moved_poses(poses: Array, motion: Array) -> Array:
     """(N, 4, 4) poses after small motions (6, N) [m, rad] of the base frame."""
     if not motion.any():

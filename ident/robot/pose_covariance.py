@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 from ballbar.cell.chain import joint_screws
 from ballbar.cell.placement import Placement
-from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty, covariance_root
+from ballbar.cell.statistics import covariance_root
+from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,9 @@ import numpy as np
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.payload import TOOL, with_deviations
+from ballbar.cell.statistics import covariance_root
 from ballbar.ident.robot.accuracy import accuracy_grid
-from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty, covariance_root
+from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
 @dataclass(frozen=True, eq=False)
