@@ -85,15 +85,15 @@ def _above(factor: float) -> float:
     return 0.5 * erfc(factor / sqrt(2.0))
 
 
-def error_draws(robot: RobotEstimate, grid: Array) -> dict[tuple[str, str], Array]:
-    """(D,) [m] draws of mean and largest TCP error over poses grid (G, J) [rad], base aligned.
+def error_draws(robot: RobotEstimate) -> dict[tuple[str, str], Array]:
+    """(D,) [m] draws of mean and largest TCP error over the poses of what is stated.
 
     Keys are `nominal` or `identified`, of which robot, and `mean` or `largest`.
     """
     model = robot.identified
+    grid, errors = model.error_draws(DRAWS, np.random.default_rng(_SEED))
     predicted, actual = model.rigid(robot.nominal).tool(grid), model.tool(grid)
     apart = aligned(predicted, actual, scale=False) - actual
-    errors = model.error_draws(grid, DRAWS, np.random.default_rng(_SEED))
     draws = {}
     for name, shift in (("nominal", apart), ("identified", np.zeros(3))):
         sizes = np.linalg.norm(errors + shift, axis=2)

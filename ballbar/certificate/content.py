@@ -125,7 +125,7 @@ def _computed(run: RunData, stated: CertificateDetails) -> Content:
     view, result = tcp_view(run), run.identification
     model, rule = result.robot.identified, stated.tolerance or Tolerance()
     errors = []
-    for (robot, quantity), draws in error_draws(result.robot, view.grid).items():
+    for (robot, quantity), draws in error_draws(result.robot).items():
         limit = getattr(rule, f"{quantity}_mm")
         decision = asdict(decide(draws, (limit or 0.0) * 1e-3, rule))
         errors.append({"robot": robot, "quantity": quantity, "tolerance_mm": limit, **decision})

@@ -31,7 +31,6 @@ class TcpView:
     """
 
     against_truth: bool
-    grid: Array  # (G, J) [rad] joint angles of the poses
     position: Array  # (G, 3) [m] robot base frame
     before: Array  # (G,) [m] error of the nominal model
     after: Array  # (G,) [m] error of the identified model
@@ -60,7 +59,6 @@ def tcp_view(data: RunData) -> TcpView:
     shift = position_error(model.rigid(robot.nominal).tool(grid), model.tool(grid))
     return TcpView(
         against_truth=comparison is not None,
-        grid=grid,
         position=comparison.tcp_nominal.position if comparison else shift.position,
         before=comparison.tcp_nominal.error if comparison else shift.error,
         after=comparison.tcp.error if comparison else robot.tcp_sigma,

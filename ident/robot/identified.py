@@ -73,10 +73,11 @@ class StatedUncertainty(Protocol):
     def of(self, robot: IdentifiedRobot) -> Callable[[Array], PositionUncertainty]:
         """Uncertainty of the tool's position as a function of q (N, J) [rad]."""
 
-    def draws(
-        self, robot: IdentifiedRobot, q: Array, count: int, rng: np.random.Generator
-    ) -> Array:
-        """(D, N, 3) [m] errors of the tool at q (N, J) [rad] that are as likely as stated."""
+    def poses(self, robot: IdentifiedRobot) -> Array:
+        """(G, J) [rad] poses over which the uncertainty of the tool is stated."""
+
+    def draws(self, robot: IdentifiedRobot, count: int, rng: np.random.Generator) -> Array:
+        """(D, G, 3) [m] draws of the tool's error at `poses`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,12 +258,13 @@ class IdentifiedRobot:
         """
         return self.uncertainty(q).covariance
 
-    def error_draws(self, q: Array, count: int, rng: np.random.Generator) -> Array:
-        """(D, N, 3) [m] draws of the tool's error at q (N, J) [rad], poses of a draw together.
+    def error_draws(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        """(G, J) [rad] poses over which the uncertainty is stated, and (D, G, 3) [m] draws of the
+        tool's error there.
 
         Raises InputError where no uncertainty is stated.
         """
-        return self._stated.draws(self, q, count, rng)
+        return self._stated.poses(self), self._stated.draws(self, count, rng)
 
     def sigma(self, q: Array) -> Array:
         """(N,) [m] standard deviation of the position, all axes together."""

@@ -53,24 +53,29 @@ class PoseCovariance:
 
         return uncertainty
 
-    def draws(
-        self, robot: IdentifiedRobot, q: Array, count: int, rng: np.random.Generator
-    ) -> Array:
-        """(D, N, 3) [m] draws of the target's error at q (N, J) [rad].
+    def poses(self, robot: IdentifiedRobot) -> Array:
+        """(G, J) [rad] poses within the fitted ranges, over which the uncertainty is stated."""
+        return robot.workspace()
 
-        What the model leaves unexplained is drawn for each pose.
+    def columns(self, robot: IdentifiedRobot) -> Array:
+        """(3G, U) [m] error of the target at `poses` per unit of each unknown, from the seat."""
+        moves = self.jacobian(robot)(self.poses(robot))
+        return np.asarray(moves.transpose(2, 1, 0).reshape(-1, len(moves)))
+
+    def draws(self, robot: IdentifiedRobot, count: int, rng: np.random.Generator) -> Array:
+        """(D, G, 3) [m] draws of the target's error at `poses`.
+
+        Errors that the model leaves unexplained are drawn for each pose.
         """
-        moves = self.jacobian(robot)(q)
-        unknowns = covariance_root(self.values) @ rng.standard_normal((len(moves), count))
-        errors = unknowns.T @ moves.reshape(len(moves), -1)
-        result = errors.reshape(count, 3, len(q)).transpose(0, 2, 1)
+        unknowns = covariance_root(self.values) @ rng.standard_normal((len(self.values), count))
+        errors = (self.columns(robot) @ unknowns).T.reshape(count, -1, 3)
         left = np.sqrt(max(0.0, self.discrepancy**2 - self.white**2))
-        result = result + left * rng.standard_normal(result.shape)
+        errors += left * rng.standard_normal(errors.shape)
         if self.joint_sigma:
-            screws = joint_screws(robot.frames(q))[: robot.robot.joints, :3]
-            turns = self.joint_sigma * rng.standard_normal((count, len(screws), len(q)))
-            result += np.einsum("jcn,djn->dnc", screws, turns)
-        return np.asarray(result)
+            screws = joint_screws(robot.frames(self.poses(robot)))[: robot.robot.joints, :3]
+            turns = self.joint_sigma * rng.standard_normal((count, *screws.shape[::2]))
+            errors += np.einsum("jcn,djn->dnc", screws, turns)
+        return np.asarray(errors)
 
     def jacobian(self, robot: IdentifiedRobot) -> Callable[[Array], Array]:
         """Function of q (N, J) [rad] that gives (U, 3, N) change of the target, seen from the seat

@@ -363,8 +363,7 @@ def test_draws_spread_as_stated(recorded: Recorded, still: bool) -> None:
     simulation = recorded.simulation
     points = still_points(simulation.cell, simulation.truth, 3, 100)
     robot = identified([points if still else recorded.folder]).identification.robot
-    grid = robot.identified.workspace()
-    errors = robot.identified.error_draws(grid, 2000, np.random.default_rng(5))
+    grid, errors = robot.identified.error_draws(2000, np.random.default_rng(5))
     stated = robot.identified.sigma(grid)
     drawn = np.sqrt((errors**2).sum(axis=2).mean(axis=0))
     assert drawn == pytest.approx(stated, rel=0.12)  # of 2000 draws; few of them matter
