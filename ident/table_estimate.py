@@ -269,7 +269,7 @@ class TableEstimate:
         at = layout.targets[target].start
         seats = [g.seat for g in self.table.groups if g.target == target]
         # a whole frame, where there is one, and of most poses where it moved
-        fixed = {g.seat for g in self.table.groups if g.kind.seat_fixed} & layout.framed
+        fixed = {g.seat for g in self.table.groups if g.seat_fixed} & layout.framed
         seat = max(seats, key=lambda s: (s in fixed, s not in others))
         first = layout.seats[seat].start
         own = np.r_[layout.machine, at : at + 3, first : first + (6 if seat in fixed else 3)]

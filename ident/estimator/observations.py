@@ -83,7 +83,8 @@ class StillPoses:
         del bar
         group = self.group
         frames = target_frames(forward(geometry.robot, q), layout.target(x, group.target))
-        return close_on_target(group.kind, group.values, layout.seat(x, group.seat), frames)
+        values = group.with_common(layout.common(x, group.common))
+        return close_on_target(group.kind, values, layout.seat(x, group.seat), frames)
 
     def free_columns(self, point: Evaluation) -> Array:
         """(m, 6, N) shifts and turns of the target that the instrument does not measure."""
@@ -99,7 +100,7 @@ class StillPoses:
         closure = point.target_closure
         parts = [
             self.angle_noise[:, None, None] * closure.joint_columns,
-            closure.sensor_columns(self.group.sigma),
+            closure.sensor_columns(self.group.sigma, self.group.factor),
         ]
         if excess.gear or excess.wrist or np.ndim(uncertain):
             gears = point.columns[GEAR:BAR]
@@ -136,12 +137,16 @@ class StillPoses:
     ) -> list[tuple[slice, Array]]:
         """Unknowns of seat and target, and (p, E, N) the weighted error's change per unit."""
         del k
-        seat, target = layout.seats[self.group.seat], layout.targets[self.group.target]
-        closure = point.target_closure
-        return [
+        group, closure = self.group, point.target_closure
+        seat, target = layout.seats[group.seat], layout.targets[group.target]
+        columns = [
             (seat, weights(closure.seat_columns(x[seat]))),
             (target, weights(closure.target_columns(x[target]))),
         ]
+        if group.common is not None and group.by_common is not None:
+            moved = closure.value_columns(group.by_common)
+            columns.append((layout.placed.common[group.common.name], weights(moved)))
+        return columns
 
 
 @dataclass(frozen=True, eq=False)
