@@ -56,7 +56,7 @@ class BudgetSource:
 
 SOURCES: dict[str, BudgetSource] = {
     "plate": BudgetSource("plate: length by its file, which is the scale", "m"),
-    "temperature": BudgetSource("temperature: growth of the plate from 20 degC", "m"),
+    "temperature": BudgetSource("temperature: growth of the plate from 20 deg C", "m"),
     "rod": BudgetSource("rod: length by its file", "m"),
     "axes": BudgetSource("axes of the instrument: offsets and squareness", MIXED),
     "distance": BudgetSource("known distances between seats", "m"),
