@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ballbar.ident.robot.budget import COVERAGE, MIXED, Budget, BudgetRow
+from ballbar.ident.robot.budget import MIXED, Budget, BudgetRow
+from ballbar.ident.robot.coverage import COVERAGE
 from ballbar.report.numbers import fixed, listed, millimetres, significant
 from ballbar.report.section import Section, machine_row, section
 from ballbar.result.run_data import RunData
