@@ -83,8 +83,16 @@ def calibration_of(data: RunData) -> CalibrationFile:
         ),
         seats={} if poses is None else _placements(poses.seats),
         targets={} if poses is None else _placements(poses.targets),
+        measured_on=_last_day(data),
         **own,
     )
+
+
+def _last_day(data: RunData) -> str | None:
+    """The last day on which something of a result was measured; None where nothing says it."""
+    contents = [*(r.recording for r in data.recordings), *(content for _, content in data.tables)]
+    days = {content.description.measured_on or content.report.day for content in contents}
+    return max(days - {""}, default=None)
 
 
 def _of_recordings(data: RunData) -> dict[str, Any]:
