@@ -10,8 +10,8 @@ the constant. Events enter one by one, the one with the largest gain in chi-squa
 moved to where it explains most beside the others; those below the limit leave again. The limit is
 that of a normal deviate which is exceeded with the probability CHANCE in any of all tests
 (Bonferroni). Where the series scatters more than stated, its deviations grow by that factor (Birge
-1932); it is the median of the differences of successive estimates, which steps and drifts leave as
-it is.
+1932): that of the differences of successive estimates about their median, without the largest ones,
+which steps and drifts leave as it is.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ CHANCE = 1e-3  # probability that anything is named in a history in which nothin
 MOST = 4  # events of one series
 ROUNDS = 5  # of moving the events of a series
 SCATTERED = 6  # dates from which the scatter of a series is judged
-_TO_SIGMA = 1.0 / NormalDist().inv_cdf(0.75)  # of the median of absolute deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +92,11 @@ def limit(tests: int) -> float:
     return -NormalDist().inv_cdf(0.5 * CHANCE / max(tests, 1))
 
 
-def tests_of(series: Series) -> int:
+def count_of_tests(series: Series) -> int:
     """Tests that are made of a series: every event, and every date against the first and the last
     before it.
     """
-    return _candidates(series.t)[1].shape[1] + 2 * series.t.size
+    return len(_candidates(series.t)[0]) + 2 * series.t.size
 
 
 def scatter_of(series: Series) -> float:
@@ -105,7 +104,26 @@ def scatter_of(series: Series) -> float:
     if series.t.size < SCATTERED:
         return 1.0
     steps = np.diff(series.value) / np.hypot(series.sigma[1:], series.sigma[:-1])
-    return _TO_SIGMA * float(np.median(np.abs(steps - np.median(steps))))
+    square = np.sort((steps - np.median(steps)) ** 2)
+    kept = square[: square.size - min(MOST, series.t.size // 4)]
+    share = kept.size / square.size
+    end = NormalDist().inv_cdf(0.5 + 0.5 * share)  # the kept ones of a normal deviate are within
+    return float(np.sqrt(kept.mean() / (1.0 - 2.0 * end * NormalDist().pdf(end) / share)))
+
+
+def scatters(series: Sequence[Series]) -> list[float]:
+    """Factor on the stated deviations of each series, at least 1.
+
+    Its own scatter, or that of most series of its kind where this is larger: a single one may be
+    small by chance.
+    """
+    own = [scatter_of(each) for each in series]
+    kinds = {each.kind for each in series}
+    common = {
+        kind: float(np.median([s for s, e in zip(own, series, strict=True) if e.kind == kind]))
+        for kind in kinds
+    }
+    return [max(1.0, s, common[each.kind]) for s, each in zip(own, series, strict=True)]
 
 
 def fit_series(series: Series, scatter: float, least_sigma: float, least_move: float) -> SeriesFit:
@@ -184,7 +202,7 @@ class _Model:
         """Constant and sizes (1 + C,), and their covariance."""
         basis = np.column_stack((self.constant, self.columns[:, chosen]))
         covariance = np.linalg.inv(basis.T @ basis)
-        return covariance @ (basis.T @ self.value), covariance
+        return np.asarray(covariance @ (basis.T @ self.value)), np.asarray(covariance)
 
 
 def _candidates(t: Array) -> tuple[list[tuple[int, bool]], Array]:

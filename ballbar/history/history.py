@@ -11,14 +11,8 @@ from typing import Literal
 import numpy as np
 
 from ballbar.cell.arrays import Array
-from ballbar.history.events import (
-    Event,
-    SeriesFit,
-    fit_series,
-    limit,
-    scatter_of,
-    tests_of,
-)
+from ballbar.cell.errors import InputError
+from ballbar.history.events import Event, SeriesFit, count_of_tests, fit_series, limit
 from ballbar.history.results import MONTH, DatedResult, dated_results, repetitions, series_of
 from ballbar.ident.least_sizes import LITTLE_SHIFT
 from ballbar.result.compare import compare
@@ -92,12 +86,9 @@ def history_of(results: tuple[DatedResult, ...], nominal: Array) -> History:
     nominal : (N,) [m] as `nominal_errors`.
     """
     series = series_of(results)
-    least = limit(sum(map(tests_of, series)))
-    scatter = [scatter_of(each) for each in series]
-    fits = []
-    for each, own in zip(series, scatter, strict=True):
-        alike = [s for s, other in zip(scatter, series, strict=True) if other.kind == each.kind]
-        fits.append(fit_series(each, max(1.0, own, float(np.median(alike))), least, LITTLE_SHIFT))
+    least = limit(sum(map(count_of_tests, series)))
+    factors = zip(series, scatters(series), strict=True)
+    fits = [fit_series(each, factor, least, LITTLE_SHIFT) for each, factor in factors]
     used = [r.calibration for r in results if r.acceptable]
     return History(
         results,
@@ -116,7 +107,11 @@ def due(history: History, tolerance: float) -> Due:
     slow end of the rate has the drifts that were named, the fast end all that the results leave
     possible. Steps to come are in neither.
     """
-    last = [r for r in history.results if r.acceptable][-1]
+    used = [r for r in history.results if r.acceptable]
+    if not used:
+        what = "no result is acceptable, so none is in use."
+        raise InputError.at("tolerance", what, "Measure again.")
+    last = used[-1]
     sigma, rates = last.calibration.tcp_sigma, _rates(history.fits)
     room = np.sqrt(max(0.0, tolerance**2 - sigma**2))
     fast, slow = (room / rate if rate > 0.0 else np.inf for rate in reversed(rates))

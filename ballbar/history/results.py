@@ -139,12 +139,12 @@ def _stated(calibration: Calibration, repeated: bool) -> dict[str, tuple[float, 
     """
     file = calibration.file
     values = {name: (file.parameters[name].value, sigma) for name, sigma in _angles(calibration)}
-    for name in KINDS.keys() & file.corrections.keys():
-        values |= {
-            key: (c.value, c.sigma)
-            for key, c in file.corrections[name].items()
-            if c.information_gain >= UNDETERMINED
-        }
+    values |= {
+        key: (c.value, c.sigma)
+        for name, entries in file.corrections.items()
+        for key, c in entries.items()
+        if name in KINDS and c.information_gain >= UNDETERMINED
+    }
     if repeated and file.covariance is not None and file.covariance.repeated_sigma:
         pairs = zip(file.covariance.names, file.covariance.repeated_sigma, strict=True)
         values |= {name: (values[name][0], sigma) for name, sigma in pairs if name in values}

@@ -90,8 +90,9 @@ def calibration_of(data: RunData) -> CalibrationFile:
 
 def _last_day(data: RunData) -> str | None:
     """The last day on which something of a result was measured; None where nothing says it."""
-    contents = [*(r.recording for r in data.recordings), *(content for _, content in data.tables)]
-    days = {content.description.measured_on or content.report.day for content in contents}
+    recordings = [r.recording for r in data.recordings]
+    days = {r.description.measured_on or r.report.day for r in recordings}
+    days |= {table.description.measured_on or table.report.day for _, table in data.tables}
     return max(days - {""}, default=None)
 
 
