@@ -40,46 +40,42 @@ class IdentifySettings(Strict):
     form: Literal["vector", "thesis"] = "vector"
     """Form of a thesis cost: signed components, or the printed scalar."""
     data: Literal["files", "samples"] = "files"
-    """Device logs through reader and clock alignment; or the angles of both logs at the sample
-    instants, clocks already matched (thesis ch. 3), of the kinematic plant only.
+    """Device logs through reader and clock alignment; or the angles of both logs at the same
+    instants (thesis ch. 3), of the kinematic plant only.
     """
     samples: Annotated[int, Field(ge=50, le=100_000)] = 1500
-    """Instants of the fit at most; of device logs none are closer than they are smoothed, for those
-    would share noise.
-    """
+    """Instants of the fit at most; of device logs none are closer than they are smoothed."""
     parameters: ParameterSet = "core"
-    """Parameters of a thesis cost, of which it identifies what it determines: encoder offsets,
-    origin, robot and rod, or all of thesis sec. 3.3.
-    """
+    """With a thesis cost: encoder offsets, origin, robot and rod, or all of thesis sec. 3.3."""
     relative_stop: Annotated[float, Field(gt=0.0, le=1e-2)] = PRINTED_STOP
-    """Relative decrease of a printed scalar's cost, or size of its step, at which the minimisation
-    ends; not printed in the thesis.
+    """Relative decrease of a printed scalar's cost, or size of its step, at which to end; not
+    printed in the thesis.
     """
     smoothing: Smoothing = "none"
-    """Logs of a thesis cost on files: as logged, after a moving average of 100 ms (thesis sec.
-    5.2), or as least-squares splines, which ml uses.
+    """With a thesis cost on files: none, a moving average of 100 ms (thesis sec. 5.2), or the
+    splines of ml.
     """
     pairing: Pairing = "fit"
     """Clock and start of a thesis cost on files: those of the default fit, or `logs`, the thesis's
-    own procedure (sec. 5.2): moving average, rough synchronisation where all joints stand still,
-    encoder offsets matched at a few points, shift of least cost. Every cost then identifies the
-    same parameters of the robot (sec. 5.4).
+    procedure (sec. 5.2): moving average, rough synchronisation where all joints stand still,
+    encoder offsets matched at a few points, shift of least cost, and with every cost the same
+    parameters of the robot (sec. 5.4).
     """
     instants: Instants = "all"
-    """Samples of a thesis cost: evenly over the motion, those at which the robot stands still,
-    those at which it moves, or those at nearly constant speed (thesis ch. 7).
+    """Samples of a thesis cost: all, or those at which the robot stands still, moves, or moves at
+    nearly constant speed (thesis ch. 7).
     """
     rod_sign: bool = False
-    """For a vector cost on samples: the elongation of the rod is an unknown, the sign of its force
-    is known (thesis ch. 6).
+    """Vector cost on samples: the elongation of the rod is unknown, the sign of its force known
+    (thesis ch. 6).
     """
     shift_rounds: Annotated[int, Field(ge=0, le=50)] = 0
-    """For a cost on samples: how often to move a log to the least cost before the fit (thesis sec.
+    """Cost on samples: how often to move a log to the least cost before the fit (thesis sec.
     5.2).
     """
     shift_at: ShiftAt = "identified"
-    """Geometry of each move: identified before it, or the nominal one with encoder offsets matched
-    at a few points, which is the thesis's procedure (sec. 5.2).
+    """Geometry of each move: identified before it, or nominal with encoder offsets matched at a few
+    points (thesis sec. 5.2).
     """
     model: ModelName = "auto"
     """Kinematics alone (dh), with corrections (complete), or chosen by the data."""
@@ -91,13 +87,13 @@ class IdentifySettings(Strict):
     force: ForceSource = "auto"
     """Source of the rod's force; `auto` takes the best signal that was logged."""
     rod_sigma_m: Annotated[float, Field(gt=0.0, le=0.01)] | None = None
-    """Standard deviation of a rod that was measured; bd3 in the ball-bar's file is its length.
-    Without this key the catalogue's tolerance is used.
+    """Sigma of a measured rod, whose length is bd3 in the ball-bar's file; by default the
+    catalogue's tolerance.
     """
 
     accuracy_mm: Annotated[float, Field(gt=0.0)] | None = None
     """Stated TCP uncertainty (1 sigma, rms over the workspace, with the scale) up to which a result
-    is acceptable; by default half of the nominal robot's error, and 0.1 mm in any case.
+    is acceptable; by default half of the nominal robot's error, at least 0.1 mm.
     """
 
     @property

@@ -32,7 +32,7 @@ Limit = Annotated[float, Field(gt=0.0)] | None
 
 
 class AcceptSettings(Strict):
-    """Limits of an acceptable run, each stated at most; beyond one of them it exits with code 1.
+    """Limits of an acceptable run; beyond one of them it exits with code 1.
 
     Time of computation has no limit here: nothing in a run could be its measure, and a clock alone
     would judge the machine (docs/validation.md compares times with named rivals).
@@ -41,14 +41,13 @@ class AcceptSettings(Strict):
     verdict: Literal["good", "suspect"] | None = None
     """Worst acceptable verdict; any worse than suspect fails the run anyway."""
     tcp_mean_mm: Limit = None
-    """Mean TCP error over the accuracy grid; of still poses over random ones within the fitted
-    ranges of the joints.
+    """Mean TCP error over the accuracy grid; of still poses over random ones in the fitted ranges.
     """
     tcp_max_mm: Limit = None
     """Largest TCP error over the same poses."""
     tcp_sigma_mm: Limit = None
-    """Stated TCP uncertainty (1 sigma), mean over the same poses; with the scale of plate and rod,
-    or of a length's sensor. Of still poses in the instrument's scale.
+    """Stated TCP uncertainty (1 sigma), mean over the same poses, with the scale; of still poses in
+    the instrument's.
     """
     tcp_over_stated: Limit = None
     """Mean TCP error over the mean stated uncertainty."""
@@ -59,23 +58,17 @@ class AcceptSettings(Strict):
     iterations: Annotated[int, Field(gt=0)] | None = None
     """From the automatic start to the result."""
     loop_closure_um: Limit = None
-    """Largest distance by which the simulated loop is open, by DH from the true angles; `simulate`
-    checks it too.
-    """
+    """Largest distance by which the simulated loop is open, by DH; `simulate` checks it too."""
     rod_force_N: Limit = None
     """Largest force in the rod, pull or push; `simulate` checks it too."""
     held_out_ratio: Limit = None
     """Residual on held_out_file over what noise and stated uncertainty explain."""
     held_out_file: str = ""
-    """Path file, relative to the scenario, on which the same machine is recorded once more for
-    held_out_ratio.
-    """
+    """Path file, relative to the scenario, on which the machine is recorded for it."""
     corrected_mean_mm: Limit = None
-    """Mean distance of the tool from the wanted positions, by `ballbar rehearse` with corrected
-    targets in the plant.
-    """
+    """Mean distance of the tool from corrected targets, by `ballbar rehearse`."""
     corrected_max_mm: Limit = None
-    """Largest distance of the tool from the wanted positions, by `ballbar rehearse`."""
+    """Largest such distance."""
 
     @model_validator(mode="after")
     def _held_out(self) -> Self:

@@ -6,6 +6,7 @@ python -m generators.command_line
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -16,6 +17,7 @@ from typer.models import ArgumentInfo, CommandInfo, OptionInfo
 
 from ballbar.cell.files import write_whole
 from ballbar.commands.listing import COMMANDS
+from ballbar.commands.options import Out, ResultFile, ScenarioFile
 
 PAGE = Path(__file__).parents[1] / "docs/command_line.md"
 HEAD = """# Command line
@@ -24,31 +26,33 @@ Written by `python -m generators.command_line` from the texts of `--help`; do no
 
 ## What holds for every command
 
-**Exit codes.** 0: done. 1: the command ran, but its result is not acceptable; the first line says
-why. 2: bad input; the message names file, line and key, and the remedy. 3: a fault of the program,
-whose details are written to a file to be reported, or too little memory; a result that its own
-reader refuses is kept in calibration.refused.yaml. 130: ended by Ctrl-C or SIGTERM, but `record`,
-`watch` and the search of `plan`, which then go on to their result.
+**Exit codes.** 0: done. 1: the result is not acceptable; the first line says why. 2: bad input;
+the message names file, line and key, and the remedy. 3: a fault of the program, whose details are
+written to a file to be reported, or too little memory; a result that its own reader refuses is kept
+in calibration.refused.yaml. 130: ended by Ctrl-C or SIGTERM, but `record`, `watch` and the search
+of `plan`, which then go on to their result.
 
 **Output.** Results go to standard output, everything else to standard error. `--quiet`, `-q`
-leaves nothing but errors, and the JSON if `--json` is given. `--verbose`, `-v` prints each stage
-with the second at which it began. Both may stand before or behind the name of the command. In a
-pipe there are no colours and no progress bars (`FORCE_COLOR=1` keeps colours, `NO_COLOR=1` leaves
-them out). Ctrl-C leaves no half-written file; a sweep continues from the runs that are done.
+leaves nothing but errors and JSON. `--verbose`, `-v` prints each stage with the second at which it
+began. Both may stand before the name of the command. In a pipe there are no colours
+(`FORCE_COLOR=1` keeps them, `NO_COLOR=1` leaves them out) and no progress bars. Ctrl-C leaves no
+half-written file.
 
-**`--set KEY=VALUE`** of commands that take a scenario, a sweep or a plan request replaces the value
-of a dotted key, such as `seed=2`; it may be repeated.
+**Common.** `SCENARIO` is a scenario file, or the name of a shipped one such as irb2400; `RESULT` a
+calibration.yaml, or the folder that holds it. `--out DIR` of what writes a folder names it; it must
+hold nothing else. `--set KEY=VALUE` of what takes a scenario, a sweep or a plan request replaces the
+value of a dotted key, such as `seed=2`; repeatable, as everything with `...` below.
 
-**Completion** for bash, zsh, fish and PowerShell: `ballbar --install-completion`, or
-`ballbar --show-completion`, which prints the script. `ballbar --version` prints the release and a
-digest of the code.
+**Completion** for bash, zsh, fish and PowerShell: `ballbar --install-completion`; `ballbar
+--show-completion` prints the script. `ballbar --version` prints the release and a digest of the
+code.
 
-Below stand purpose, usage and options of each command; its `--help` says more.
+Each command's `--help` says more.
 
 ## Fields of --json
 
-`--json` prints the result as one JSON value (`watch`: one a line): SI units, keys that carry them.
-The exit code is the same. `comparison`, `plant` and `limits` are null or empty for a real cell.
+`--json` prints the result as one JSON value (`watch`: one a line), SI units, with the same exit
+code. `comparison`, `plant` and `limits` are null or empty for a real cell.
 
 |command|fields|
 |---|---|
@@ -68,8 +72,10 @@ The exit code is the same. `comparison`, `plant` and `limits` are null or empty 
 |`correct` of a table|`file`, `targets`, `included`, `warnings`, `predicted_position_error_m`, `predicted_angle_error_rad` (`mean`, `max`), `left_in_the_model_m`, `largest_axis_correction_rad`|
 |`list`|`robots`, `ballbars`, `instruments`, `plates`, `dialects`, `scenarios`: names and titles|
 """  # noqa: E501  rows of a table
-_KINDS = {int: "whole number", float: "number", str: "text", Path: "path"}
+_KINDS = {int: "integer", float: "number", str: "text", Path: "path"}
 _SHARED = {"--quiet", "--verbose", "--json", "--set"}  # at the head of the page
+_SHARED_HELP = [get_args(kind)[1].help for kind in (ScenarioFile, ResultFile, Out)]  # there, too
+_REPEATABLE = re.compile(r"[;.,]? ?(?:[Mm]ay be repeated|repeatable)(?=\.|$)")  # `...` says it
 
 
 def page_text() -> str:
@@ -130,8 +136,8 @@ def _parameters(function: Callable[..., Any]) -> Iterator[tuple[str, type, str]]
         values = _values(hint, info)
         if optional and parameter.default not in (None, False, ""):
             values += f" (`{parameter.default}`)"
-        row = f"|`{shown}`|{values}|{_text(info.help)}|\n"
-        yield typed, type(info), "" if shown in _SHARED else row
+        row = f"|`{shown}`|{values}|{_text(_REPEATABLE.sub('', info.help or ''))}|\n"
+        yield typed, type(info), "" if shown in _SHARED or info.help in _SHARED_HELP else row
 
 
 def _described(hint: Any) -> tuple[Any, ArgumentInfo | OptionInfo]:
@@ -158,13 +164,11 @@ def _values(hint: Any, info: ArgumentInfo | OptionInfo) -> str:
         return ", ".join(f"`{choice}`" for choice in get_args(kind))
     named = isinstance(info, OptionInfo) and info.metavar
     text = f"`{_text(info.metavar)}`" if named else _KINDS.get(kind, str(kind))
-    limits = [
-        f"{sign} {limit:g}"
-        for sign, limit in (("≥", info.min), ("≤", info.max))
-        if limit is not None
-    ]
-    text = f"{text} ..." if many else text
-    return ", ".join([" ".join([text, *limits[:1]]), *limits[1:]])
+    if info.min is not None and info.max is not None:
+        text = f"{text} {info.min:g} to {info.max:g}"
+    elif info.min is not None:
+        text = f"{text} ≥ {info.min:g}"
+    return f"{text} ..." if many else text
 
 
 def _text(words: str | None) -> str:

@@ -67,9 +67,11 @@ class SchemaPage:
         else:
             key = f"{key}: {default}"
         meaning = f": {field.description}" if field.description else ""
-        values = _values(field) + kind
-        plain = not self.written_by_people and values == "number"
-        return f"- `{key}`{'' if plain else f' ({values})'}{meaning}\n"
+        values = _values(field)
+        if not self.written_by_people:  # limits of what a program wrote tell a reader nothing
+            values = re.sub(r"\b(numbers?|integers?) (-?\d+ to \d+|[≥>] \d+)", r"\1", values)
+        plain = not self.written_by_people and values + kind == "number"
+        return f"- `{key}`{'' if plain else f' ({values}{kind})'}{meaning}\n"
 
 
 PAGES = (
@@ -89,8 +91,7 @@ def _collect(model: type[BaseModel], models: dict[type[BaseModel], None]) -> Non
 
 
 def _values(field: FieldInfo) -> str:
-    text = re.sub(r"list of (\w+s) exactly (\d)", r"\2 \1", values_text(field))
-    text = re.sub(r"list of (\w+s) at least (\d)", r"at least \2 \1", text)
+    text = values_text(field)
     for inner in models_in(field.annotation):
         title = _title(inner)
         link = f"[{title}](#{title.lower().replace(' ', '-')})"

@@ -178,10 +178,10 @@ def _passage() -> Iterator[tuple[str, str, str]]:
     )
     for (low, high), (force, fast), (_, without) in zip(BANDS, rubbing, smooth, strict=True):
         yield (
-            f"force with b4 {low:g} to {high:g} deg from singularity; above 2 Hz, rms, with and "
-            "without friction of the bearings",
+            f"force with b4 {low:g} to {high:g} deg from singularity; rms above 2 Hz; without "
+            "bearing friction",
             "larger force, oscillating",
-            f"{force:.0f} N; {fast:.3f} N, {without:.3f} N",
+            f"{force:.0f} N; {fast:.3f} N; {without:.3f} N",
         )
 
 

@@ -46,10 +46,9 @@ LISTED = Path(__file__).with_suffix(".yaml")  # all figures and tables
 HEAD = """# Figures, tables and experiments of the thesis, beside ours
 
 Written by `python -m generators.thesis_figures`; do not edit. Verdicts are those of
-[Claims](claims.md) (`ballbar claims --out docs/claims.md`), where our figures stand too; those on
-Tables 3.2 to 3.4 are explained on [Identifiability](identifiability.md). Left out are drawings,
-photographs and the pictures of logs (Figs. 1.1 to 2.4, 4.1 to 4.3, 4.5 to 5.4, 5.6, 5.10, 5.11,
-A.1). The curves of the thesis are not printed as numbers, so its sentences about them are compared.
+[Claims](claims.md), where our figures stand too; those on Tables 3.2 to 3.4 are explained on
+[Identifiability](identifiability.md). Left out are drawings, photographs and the pictures of logs.
+The curves of the thesis are not printed as numbers, so its sentences about them are compared.
 
 |thesis|what|beside ours|
 |---|---|---|
@@ -64,12 +63,11 @@ Simulated by `python -m generators.thesis_5_3` with `scenarios/irb2400_push_pull
 |---|---|---|
 {rows}
 
-Pull and push at one pose: a soft servo moves 12 mm to and fro along the rod. Inside the backlash
-there is no force; outside it the slope is the 1.8e7 N/m of rod and joints. The tracker follows the
-centre of the universal joint; a slow error of it, which is not simulated, would stand in its row in
-full. Near singularities the bearings of the ball-bar turn fast and change direction, so the force
-oscillates, but it is not larger; stick and slip, ripple and backlash of the gears make 2 to 3 N rms
-at any distance.
+Pull and push at one pose: a soft servo moves 12 mm to and fro along the rod. The tracker follows
+the centre of the universal joint; a slow error of it, which is not simulated, would stand in its
+row in full. Near singularities the bearings of the ball-bar turn fast and change direction, so the
+force oscillates, but it is not larger; stick and slip, ripple and backlash of the gears make 2 to
+3 N rms at any distance.
 
 ![Elongation of the rod and base movement against force](images/pull_push.svg)
 ![Rod force over time](images/path_force.svg)
@@ -125,14 +123,16 @@ def page_text() -> str:
 
 
 def beside(entry: Entry) -> str:
-    """Computed words, numbers of experiments and verdicts on the claims that are about an entry.
+    """Computed words, experiments and verdicts on the claims that are about an entry.
 
     Raises ValueError where docs/claims.md or docs/studies/experiments.csv lack what it names.
     """
     words = [COMPUTED[entry.label]()] if entry.label in COMPUTED else []
     for start in entry.experiments:
-        _, theirs, here = next(row for row in _experiments() if row[0].startswith(start))
-        words.append(f"{here} beside {theirs}")
+        if not any(row[0].startswith(start) for row in _experiments()):
+            raise ValueError(f"docs/studies/experiments.csv has no row {start!r}")
+    if entry.experiments:
+        words.append("[below](#experiments-of-sec-53)")
     if entry.topic:
         claims = _claims_of(entry)
         for verdict in ("holds", "differs"):

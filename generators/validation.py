@@ -28,18 +28,17 @@ PAGE, STUDIES, LISTED = (
 )
 HEAD = """# Validation: what was measured
 
-Written by `python -m generators.validation` from the rows in `docs/studies`; do not edit. Every
-table names the command that makes it, the commit and the date. Times are those of a machine with
-two cores. All but [real robots](real_robots.md) is simulated ([Limits](limits.md)); statements of
-the thesis are on [Claims](claims.md).
+Written by `python -m generators.validation` from the rows in `docs/studies`, of
+[figures.csv](studies/figures.csv) where no other file is named; do not edit. Every table names the
+command that makes it, with commit and date. Machine: two cores. All but [real
+robots](real_robots.md) is simulated ([Limits](limits.md)).
 
 TCP errors are those of the unloaded robot over held-out poses, base frames aligned
 ([Conventions](conventions.md)), in mm, mean / largest. "Everything on" is every error source of a
 real cell at the sizes of the [parameter notes](notes/plant.md), drawn for each robot, but
 thermal growth, which a check on a held-out recording cannot tell from a wrong robot. "Stated" is
-one stated standard deviation; "over stated" is the error over it, root mean square over the
-robots; sought are 0.8 to 1.2. "Held" is the share of 95 % intervals that hold the truth; sought
-are 93 to 97 %.
+one stated standard deviation; "over stated" is the error over it, rms over the robots; sought are
+0.8 to 1.2. "Held" is the share of 95 % intervals that hold the truth; sought are 93 to 97 %.
 """
 STATISTICS: Mapping[str, Callable[[pd.Series], float]] = {
     "median": pd.Series.median,
@@ -82,22 +81,24 @@ def page_text() -> str:
 
 def section(study: Study) -> str:
     """Heading, sentences, commands and table of a study."""
-    links = ", ".join(f"[{name}](studies/{name}.csv)" for name in study.rows or ("figures",))
-    made = "<br>\n".join(f"`{command}` · {rest}" for command, rest in map(_parted, study.made_by))
+    links = ", ".join(f"[{name}](studies/{name}.csv)" for name in study.rows)
+    made = "<br>\n".join(map(_made, study.made_by)) + (f": {links}" if links else "")
     lines = [_line(row) for row in (table(study) if study.rows else figure_rows(study.title))]
     lines.insert(1, "|" + "---|" * (lines[0].replace("\\|", "").count("|") - 1))
     text = "\n".join(lines)
-    return f"\n{'#' * study.level} {study.title}\n\n{study.says}\n\n{made} · {links}\n\n{text}\n"
+    return f"\n{'#' * study.level} {study.title}\n\n{study.says}\n\n{made}\n\n{text}\n"
 
 
 def table(study: Study) -> Iterator[list[str]]:
     """Headings, then a line for each value of `by`."""
     every = pd.concat([pd.read_csv(STUDIES / f"{name}.csv") for name in study.rows])
     every = every.query(study.where) if study.where else every
+    if study.names:  # values that have one name share a line
+        every = every.assign(**{c: every[c].astype(str).replace(study.names) for c in study.by})
     yield [*(" " for _ in study.by[:1]), *study.columns]
     groups = every.groupby([*study.by], sort=False) if study.by else [((), every)]
     for values, rows in groups:
-        label = ", ".join(study.names.get(str(value), str(value)) for value in values)
+        label = ", ".join(map(str, values))
         cells = [cell(rows, text) for text in study.columns.values()]
         yield [*([label] if study.by else []), *cells]
 
@@ -144,9 +145,10 @@ def figure_rows(title: str) -> Iterator[Sequence[str]]:
     yield from rows[columns].to_numpy().tolist()
 
 
-def _parted(made_by: str) -> tuple[str, str]:
-    command, _, rest = made_by.partition(" · ")
-    return command, rest
+def _made(made_by: str) -> str:
+    """`command · commit · date` as the page has it."""
+    command, commit, date = made_by.split(" · ")
+    return f"`{command}` ({commit.removeprefix('commit ')}, {date})"
 
 
 def _line(cells: Sequence[str]) -> str:

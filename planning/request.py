@@ -30,8 +30,8 @@ class Cup(Strict):
     """A ball cup of a telescoping bar, and how far the rod may lean in it."""
 
     axis: Vector3
-    """Direction into which the cup opens: of the seat in the robot's base frame, of the target in
-    the frame of the flange.
+    """Direction into which the cup opens: of the seat in the base frame, of the target in the
+    flange's.
     """
     cone_deg: Cone
     """Largest angle between `axis` and the rod."""
@@ -49,16 +49,16 @@ class PlanCell(Strict):
     robot: str
     """A file of cell/robots, or a path that ends in .yaml."""
     ballbar: str | None = None
-    """A file of cell/instruments, or a path: a ball-bar with encoders; by default the one that fits
-    the robot's reach.
+    """A ball-bar with encoders: a file of cell/instruments, or a path; by default what fits the
+    robot's reach.
     """
     instrument: str | None = None
-    """In place of `ballbar`: an instrument that measures its length, such as qc20w_300, or one that
-    follows a target on the flange, such as tracker_point.
+    """In place of `ballbar`: an instrument of a length, such as qc20w_300, or one that follows a
+    target on the flange, such as tracker_point.
     """
     tracker: str | None = None
-    """Beside a ball-bar with encoders: an instrument that follows a target on the flange, such as
-    tracker_point. What is predicted counts both.
+    """Beside a ball-bar with encoders: an instrument that follows a target on the flange; what is
+    predicted counts both.
     """
     seat: Cup | None = None
     """Cup on the base of an `instrument`."""
@@ -71,9 +71,7 @@ class PlanCell(Strict):
     ballbar_position_m: Vector3 | None = None
     """Centre of the sphere in the robot's base frame, if it is fixed."""
     ballbar_region_m: Region | None = None
-    """Region of the centre of the sphere, if it is free; by default in front of the robot, by its
-    reach.
-    """
+    """Region of it, if it is free; by default in front of the robot, by its reach."""
     keep_out: tuple[KeepOut, ...] = ()
     """Boxes to stay clear of."""
     floor_m: float = 0.0
@@ -127,39 +125,35 @@ class PlanTiming(Strict):
     """Duration of the run and its dwells."""
 
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 120.0
-    """Duration of the whole run with its dwells."""
+    """Whole run with its dwells."""
     dwell_s: Annotated[float, Field(ge=1.0)] = 4.0
-    """Duration of the dwell at both ends and at each stop, in which the clocks are matched."""
+    """Dwell at both ends and at each stop, in which the clocks are matched."""
     stops: Annotated[int, Field(ge=0, le=50)] = 2
-    """Number of dwells between the ends."""
+    """Dwells between the ends."""
 
 
 class PlanSensors(Strict):
-    """Sensors and their standard deviations, on which the prediction is based."""
+    """Sensors, and standard deviations on which the prediction is based."""
 
     encoders: tuple[EncoderNumber, ...] = Field((1, 2, 4, 5), min_length=2)
     """Ball-bar joints with an encoder."""
     encoder_sigma_rad: Positive = 1.0e-5
-    """Standard deviation of an encoder sample: sub-divisional error and noise (notes/plant, 12
-    urad).
-    """
+    """Encoder sample: sub-divisional error and noise (notes/plant, 12 urad)."""
     encoder_noise_sigma_rad: Positive = 2.0e-6
-    """Standard deviation of the encoders' white noise per row."""
+    """White noise of the encoders per row."""
     ballbar_rate_hz: Positive = 100.0
     """Rows of the ball-bar per second (thesis sec. 4.6)."""
     robot_sigma_rad: Positive = 5.0e-6
-    """Standard deviation of a sample of axes 1-3, which ripple models leave; twice that in the
-    wrist.
-    """
+    """Sample of axes 1-3, which ripple models leave; twice that in the wrist."""
     robot_noise_sigma_rad: Positive = 2.0e-6
-    """Standard deviation of the robot's white noise per row."""
+    """White noise of the robot per row."""
     robot_rate_hz: Positive = 250.0
     """Rows of the robot per second; ABB external log."""
     rod_sigma_m: Positive | None = None
-    """Standard deviation of a measured rod length; by default the catalogue's tolerance."""
+    """Measured rod length; by default the catalogue's tolerance."""
     length_sigma_m: Positive | None = None
-    """Standard deviation of a sample of a sensed length; by default `sigma_m` of the instrument's
-    file, which is taken not to average out.
+    """Sample of a sensed length; by default `sigma_m` of the instrument's file. Taken not to
+    average out.
     """
 
 
@@ -180,20 +174,18 @@ class PlanLimits(Strict):
     shoulder_margin_m: Positive = 0.15
     """Distance of the wrist's centre from axis 1."""
     singular_value: Positive = 0.05
-    """In place of the three margins, of arms without parallel axes 2 and 3 and spherical wrist:
-    smallest singular value of the Jacobian, lengths in halves of the chain's; assumed, about what
-    those margins come to on an IRB 2400 (0.06).
+    """In place of the three margins, without parallel axes 2 and 3 and spherical wrist: smallest
+    singular value of the Jacobian, lengths in halves of the chain's; assumed (0.06 on the margins
+    of an IRB 2400).
     """
     ballbar_margin_deg: Positive = 15.0
     """Distance of b2 and b4 from their singularities (thesis sec. 5.1)."""
     cable_turns: Positive = 1.0
-    """Range of each ball-bar joint from end to end; the thesis's cables allowed 2 and were in the
-    way.
-    """
+    """Range of each ball-bar joint; the thesis's cables allowed 2 and were in the way."""
     force_N: Positive = 200.0
     """Force in the rod under soft servo, for robots with errors of 1 mm and 1 mrad (a third above
-    the thesis's 150 N: notes/plant, experiment). Where the robot's file states no servo, the
-    default is up to 500, by the length of the arm.
+    the thesis's 150 N: notes/plant, experiment). Where the file states no servo, up to 500, by the
+    length of the arm.
     """
     clearance_m: Positive = 0.03
     """Distance of robot, plate and rod from each other and everything else."""
@@ -256,8 +248,8 @@ class PlanRequest(Strict):
     servo: str = "soft"
     """A gain set of the robot's file, for a ball-bar with encoders."""
     start_from: tuple[str, ...] = ()
-    """Path files with which the search begins, relative to this file. Where a file states no
-    position of the ball-bar, the middle of the region is taken.
+    """Path files with which the search begins, relative to this file; without a position of the
+    ball-bar, in the middle of the region.
     """
     cycles_max: Annotated[int, Field(ge=1, le=12)] = 5
     """Largest number of cycles of a ball-bar joint in one run."""

@@ -41,20 +41,18 @@ class CellSettings(Strict):
     ballbar: str | None = None
     """A ball-bar with encoders: a file of cell/instruments, or a path."""
     instrument: str | None = None
-    """An instrument in place of ballbar: a file of cell/instruments, or a path. Of a robot that
-    moves it measures a length (a telescoping ball-bar or a draw-wire), or follows a target (a
-    tracker or motion capture).
+    """In place of ballbar: a file of cell/instruments, or a path. Of a robot that moves it measures
+    a length (telescoping ball-bar, draw-wire) or follows a target (tracker, motion capture).
     """
     plate: str = "plate_250"
     """A file of cell/plates, or a path."""
     ballbar_position_m: Position | None = None
-    """Centre of the sphere, or seat of the instrument, in the robot's base frame; needed beside a
-    path, whose angles turn about it also where a tracker follows the robot. Still poses have
-    poses.seats.
+    """Centre of the sphere, or seat of the instrument, in the robot's base frame. Beside a tracker
+    the path's angles turn about it, too.
     """
     ballbar_set: Literal["at_position", "without_strain"] = "at_position"
-    """Whether the base of a ball-bar stands at ballbar_position_m with its error, or was moved
-    along the rod until nothing strained it at the first pose of the path, as one sets it in a cell.
+    """The base of a ball-bar stands at ballbar_position_m with its error, or, as one sets it in a
+    cell, where nothing strains the rod at the first pose of the path.
     """
 
     @model_validator(mode="after")
@@ -78,22 +76,20 @@ class PathSettings(Strict):
     """The reference path and its timing."""
 
     kind: Literal["lissajous", "push_pull", "recorded"]
-    """A motion over the sphere, pull and push on the rod at one pose, or the motion of the robot of
-    a recording.
+    """A motion over the sphere, pull and push on the rod at one pose, or the motion of a recording.
     """
     file: str = ""
-    """Path file for lissajous and push_pull, relative to the scenario. For lissajous without a file
-    `ballbar simulate` and `run` take the first feasible path that they find, and where
-    ballbar_position_m is not stated either, a place for the ball-bar.
+    """Path file for lissajous and push_pull, relative to the scenario. Lissajous without one takes
+    the first feasible path that is found, and without ballbar_position_m a place for the ball-bar.
     """
     recording: str = ""
     """Folder of the recording for recorded, relative to the scenario."""
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)]
-    """Duration of the whole run with its dwells; for recorded, from the first row."""
+    """Duration with all dwells; for recorded, from the first row."""
     dwell_s: Annotated[float, Field(ge=1.0)] = 4.0
-    """Duration of the dwell at both ends and at each stop; not for recorded."""
+    """Dwell at both ends and at each stop; not for recorded."""
     stops: Annotated[int, Field(ge=0, le=50)] = 2
-    """Number of dwells between the ends; not for recorded."""
+    """Dwells between the ends; not for recorded."""
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> PathSettings:
@@ -135,10 +131,10 @@ class PlantSettings(RodAndWire):
     servo: str = "soft"
     """A gain set of the robot's file."""
     gravity_compensation: bool = True
-    """Whether the servo command carries the robot's nominal weight."""
+    """The servo command carries the robot's nominal weight."""
     typical_spread: NotNegative = 0.0
-    """Factor on the spread with which masses, gears, servo and rotors that the robot's file does
-    not state are drawn about what is typical of its size (docs/how_to/own_robot.md); for MuJoCo.
+    """For MuJoCo: factor on the spread about what is typical of the robot's size, where its file
+    states no masses, gears, servo or rotors (docs/how_to/own_robot.md).
     """
 
 
@@ -168,14 +164,14 @@ if not TYPE_CHECKING:
 
 
 class EncoderSettings(Strict):
-    """Encoders of the ball-bar. Their offsets depend on the pose at power-up and are drawn."""
+    """Encoders of the ball-bar; their offsets are drawn."""
 
     fitted: tuple[sensor_errors.EncoderNumber, ...] = (1, 2, 3, 4, 5)
     """Joints with an encoder; [] for a ball-bar without encoders."""
     bits: Annotated[int, Field(ge=8, le=13)] = 12
     """Interpolation of one line (EL5021 8001:11)."""
     noise_sigma_rad: NotNegative = 0.0
-    """Standard deviation of white noise, before quantisation."""
+    """Sigma of white noise, before quantisation."""
     directions: Literal["declared", "unknown"] = "declared"
     """Encoder directions are drawn; recording.yaml states them, or +1 for all."""
 
@@ -192,9 +188,7 @@ class LengthSettings(Strict):
     noise_scale: NotNegative = 1.0
     """Factor on the white noise that the instrument's file states."""
     zero_scale: NotNegative = 1.0
-    """Factor on the standard deviation of the zero that the instrument's file states; its error is
-    drawn.
-    """
+    """Factor on the sigma of the zero that the instrument's file states."""
     resolution_m: Annotated[float, Field(ge=0.0, le=0.01)] = 1.0e-7
     """Step of the logged length; 0 for no rounding."""
     rate_hz: Annotated[float, Field(ge=1.0, le=10_000.0)] = 100.0
@@ -207,11 +201,9 @@ class ClockSettings(Strict):
     """
 
     offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.0
-    """Clock offset: robot time at the first row of the ball-bar."""
+    """Robot time at the first row of the ball-bar."""
     skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
-    """Clock rate error: seconds that the robot's clock gains in each second of the ball-bar's; 30
-    ppm is 3.0e-5.
-    """
+    """Seconds that the robot's clock gains in each second of the ball-bar's; 30 ppm is 3.0e-5."""
     overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.0
     """Share of the ball-bar's rows that come one 5 ms task late."""
     wander: sensor_errors.ClockWander | None = None
@@ -261,9 +253,7 @@ class PosesSettings(Strict):
     targets: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]
     """Balls or reflectors in the flange's frame."""
     reference: tuple[PlacementSettings, ...] = ()
-    """Three or more fixed points in the robot's base frame, which a tracker reads once at each
-    pose.
-    """
+    """Three or more fixed points in the robot's base frame, which a tracker reads at each pose."""
     axis_lower_deg: tuple[float, ...] | None = None
     """Limits of the axis angles; by default those of the robot."""
     axis_upper_deg: tuple[float, ...] | None = None
@@ -341,10 +331,10 @@ class SimulationSettings(Strict):
     clocks: ClockSettings = ClockSettings()
     logs: DeviceLogs = DeviceLogs()
     seed: Annotated[int, Field(ge=0)] = 0
-    """Seed of all drawn values; each error source has its own stream."""
+    """Seed of all drawn values."""
     recording: Annotated[int, Field(ge=1)] = 1
-    """Which recording of the machine of this seed: noise, clocks and lost rows are drawn again for
-    each, everything else is the same.
+    """Which recording of the machine of this seed: noise, clocks and lost rows are drawn again,
+    nothing else.
     """
 
     @property

@@ -21,8 +21,8 @@ _HEAD = """# Claims: what the thesis says, and what comes out here
 
 Written by `ballbar claims --out docs/claims.md` from `scenarios/claims/`; do not edit.
 `ballbar claims NAME` runs one file of claims and prints every check with its limits, both parameter
-sets, the default cost `ml` and our findings; `--quick` runs all with fewer points and seeds. The
-command exits with 1 when a verdict is another than its file expects.
+sets, the default cost `ml` and our findings. It exits with 1 when a verdict is another than its
+file expects.
 
 Brand & Nilsson 2016 (TFRT-6017), simulated as they did (sec. 3.1): exact kinematics, samples of
 both logs paired, errors of Table 3.1, one kind of varying error at a time. Two things are not
@@ -31,9 +31,9 @@ scalar. The experiments of sec. 5.4 are simulated with forces and go through dev
 
 Distance: Euclidean, over all identified parameters, from the truth, in mm and mrad mixed (sec.
 3.4); medians over the seeds. A claim **holds** where every check of its sentence is met; shown is
-the first check that is not met, or the first. "Significantly" and "large" are at least 3 times,
-"similar" is within 2 times. Verdicts rest on the *core* set of parameters, without the fifth
-priority of sec. 3.3, which Table B.1 never names; "with all" are all that the cost determines.
+the first that is not, or the first. "Significantly" and "large" are at least 3 times, "similar" is
+within 2. Verdicts rest on the *core* set of parameters, without the fifth priority of sec. 3.3,
+which Table B.1 never names; "with all" are all that the cost determines.
 
 """
 IMAGES = "images/claims"  # beside the page
@@ -130,7 +130,8 @@ def _section(result: Judged, images: Sequence[str], command: str) -> Iterator[st
     yield from ("", "|thesis|here|verdict|", "|---|---|---|")
     for verdict in result.verdicts:
         claim = verdict.claim
-        says = f'`{claim.name}`: "{claim.says}" ({claim.source})'
+        source = "" if claim.source == file.place else f" ({claim.source})"
+        says = f'`{claim.name}`: "{claim.says}"{source}'
         cells = (says, _first(verdict.outcomes[RESTS_ON]), _verdict(verdict))
         yield f"|{'|'.join(map(_cell, cells))}|"
 

@@ -178,8 +178,7 @@ def rehearse(
     Example: `ballbar rehearse irb2400`, or `ballbar rehearse irb2400 --fault slip`
 
     --speed : Times real time at which the robot moves; less while the identification is late.
-    --fault NAME : Fault that begins midway in the first path, which is recorded again once it was
-        noticed, such as slip, encoder_frozen or tool_moved.
+    --fault NAME : Fault that begins midway in the first path, such as slip or tool_moved.
     """
     from ballbar.record.show import ads_reader
     from ballbar.rehearsal.day import Day

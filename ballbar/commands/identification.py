@@ -59,13 +59,12 @@ def identify(
 
     RECORDING : Folders with recording.yaml and the device files, or with poses.yaml, all of one
         robot.
-    --validate RECORDING : Held-out recording: the result is tested on it, not fitted; may be
-        repeated.
+    --validate RECORDING : Held-out recording, on which the result is tested; repeatable.
     --samples : Instants of the logs that enter the fit.
     --model : Kinematics alone (dh) or with corrections (complete); auto decides by the data.
     --force : Source of the rod's force; auto takes the best that was logged.
-    --rod-sigma METRES : Standard deviation [m] of a rod that was measured; its length is bd3 in the
-        ball-bar's file.
+    --rod-sigma METRES : Standard deviation of a measured rod, whose length is bd3 in the ball-bar's
+        file.
     --accuracy MM : Stated TCP uncertainty [mm] (1 sigma, rms, with the scale) up to which logs give
         an acceptable result; default: half of the nominal robot's error.
     --joint-errors auto|none|RESULT : Joint errors of still poses: search them (auto), do without

@@ -19,8 +19,8 @@ commands = typer.Typer()
 Accuracy = Annotated[
     float | None,
     typer.Option(
-        help="TCP error [mm] (rms over the workspace) that is asked for. Enough is said when the "
-        "true one is within it in 95 % of cases: at half of it as stated uncertainty (1 sigma).",
+        help="TCP error [mm] (rms over the workspace) that is enough: said at half of it as stated "
+        "uncertainty (1 sigma), so that the true one is within it in 95 % of cases.",
         metavar="MM",
         min=1e-6,
     ),
@@ -62,14 +62,13 @@ def record(
     --robot NAME : Robot of cell/robots, or a .yaml file.
     --ballbar NAME : Ball-bar of cell/instruments, or a .yaml file.
     --plate NAME : Offset plate of cell/plates, or a .yaml file.
-    --files FOLDER : Folder of a recording.yaml, as `ballbar new` makes it, whose logs grow while
-        other programs write them. It names robot and instrument, too.
+    --files FOLDER : Folder of a recording.yaml, as `ballbar new` makes it, whose logs other
+        programs write meanwhile. It names robot and instrument, too.
     --plc NETID[:PORT][@HOST] : AMS address of the PLC that reads the encoders.
     --egm [ADDRESS:]PORT : Address and port that receive the robot's EGM feedback; a port alone
-        listens to this machine only.
-    --egm-torque : The first six EGM test signals are the axes' torques (TestSignDefine, signal
-        4002).
-    --duration : Seconds from the first record to the end. Default: until Ctrl-C.
+        hears this machine only.
+    --egm-torque : The first six EGM test signals are the axes' torques (signal 4002).
+    --duration : Seconds from the first record. Default: until Ctrl-C.
     --live : Show the angles in a rerun window while recording.
     --identify : Identify the robot meanwhile, in a process of its own, and raise alarms.
     """
@@ -114,8 +113,8 @@ def watch(
     Example: `ballbar watch runs/monday --accuracy 0.05`, in a second terminal while the recording
     is written
 
-    --duration : Seconds that the recording will take, for the uncertainty at its end. Default:
-        until Ctrl-C.
+    --duration : Seconds that the recording takes, for the uncertainty at its end. Default: until
+        Ctrl-C.
     --live : Show uncertainty, coverage and alarms in a rerun window.
     --json : Print a line of JSON in SI units for each update.
     """

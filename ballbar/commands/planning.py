@@ -16,7 +16,7 @@ WhatIf = Annotated[
     typer.Option(
         "--what-if",
         help="Print the expected TCP error for other values of one of "
-        f"{', '.join((*CHANGES, ENCODERS))}; may be repeated.",
+        f"{', '.join((*CHANGES, ENCODERS))}; repeatable.",
         metavar="KEY=A,B",
     ),
 ]
@@ -47,13 +47,12 @@ def plan(
 
     Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`
 
-    REQUEST : Planning request, such as scenarios/plans/irb2400.yaml for a ball-bar or
-        scenarios/plans/irb2400_tracker.yaml for still poses.
+    REQUEST : Planning request, such as scenarios/plans/irb2400.yaml, or irb2400_tracker.yaml there
+        for still poses.
     --seconds : Longest duration of the search; 0 takes the first feasible trajectory.
     --path FILE : Evaluate, check and export this path file instead of a search.
     --position X,Y,Z : Base position of the ball-bar [m], with --path.
-    --after RESULT : A result of this robot's recordings (calibration.yaml or its folder): plan what
-        adds most to it. May be repeated.
+    --after RESULT : A result of this robot's recordings, to which the plan adds most; repeatable.
     """
     from ballbar.commands.result_json import plan_data
     from ballbar.plan.show import PlanOptions, make_plan, parse_position

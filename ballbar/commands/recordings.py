@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.acquisition.times import TIME_FORMS
 from ballbar.cell.errors import InputError
 from ballbar.cell.foreign_text import printable
 from ballbar.cell.logs import SourceName
@@ -48,9 +47,9 @@ def new(
     DIR : Recording folder to make.
     ROBOTLOG : The robot's log.
     BALLBARLOG : The log of the ball-bar, or of an instrument of a length or one that follows the
-        tool. Not needed where one table holds both and --instrument names what made it.
-    --poses TABLE : A table of still poses, or a folder of tables, instead of two logs; may be
-        repeated for files of the same columns.
+        tool; none where one table holds both and --instrument names it.
+    --poses TABLE : A table of still poses, or a folder of tables of the same columns, instead of
+        two logs; repeatable.
     --yes : Take every proposal without asking; fail where there is none.
     """
     if poses and robot_log is not None:
@@ -180,8 +179,8 @@ def align(
     time_a: Annotated[
         str | None,
         typer.Option(
-            help="Form of the time stamps of table A, if neither they nor their column's name show "
-            f"it: {', '.join(TIME_FORMS)}."
+            help="Form of table A's time stamps, if neither they nor their column's name show it; "
+            "forms as of `ballbar new --robot-time`."
         ),
     ] = None,
     time_b: str | None = None,
@@ -199,17 +198,15 @@ def align(
 
     A : A table with time stamps, or a recording folder.
     B : A table with time stamps, or a recording folder.
-    --channel a=b : Channel of A and the channel of B that holds the same motion; may be repeated.
-        Default: vectors and rotations that the names show, then channels of the same name, or
-        without any those that move in the same way.
-    --vector x,y,z=u,v,w : Three coordinates of A, and those of B in a frame of its own; may be
-        repeated.
+    --channel a=b : Channels of A and B that hold the same motion; repeatable. Default: vectors and
+        rotations that the names show, then channels of the same name, or those that move in the
+        same way.
+    --vector x,y,z=u,v,w : Three coordinates of A, and those of B in a frame of its own; repeatable.
     --rotation x,y,z,w=x,y,z,w : A quaternion of A and one of B, in that order, or three angular
         rates of the body on one side. With --vector they are poses of one rigid body.
-    --source-a : Which log of recording folder A; default the robot's.
-    --source-b : Which log of recording folder B; default the robot's.
-    --time-b : Form of the time stamps of table B, if neither they nor their column's name show it:
-        as of A.
+    --source-a : Log of recording folder A; default the robot's.
+    --source-b : Log of recording folder B; default the robot's.
+    --time-b : The same of table B.
     """
     from ballbar.recordings.align import align_data, align_lines, aligned_logs
 

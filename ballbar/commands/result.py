@@ -141,8 +141,8 @@ def correct(
         (.pdl).
     --with RESULT : A calibration.yaml, or the folder that holds it.
     --out FILE : New file. Default: beside PATH, -corrected.
-    --payload [TOOL=]KG[,X,Y,Z] : Of a program's tool: mass [kg] and centre in the flange's frame
-        [mm]. Repeat it for several tools.
+    --payload [TOOL=]KG[,X,Y,Z] : Mass [kg] of a program's tool and its centre in the flange's frame
+        [mm]; repeatable.
     --tool [TOOL=]X,Y,Z,A,B,C : Frame of a tool that the program does not declare, in that of the
         flange [mm, deg; turns about z, y', x'']; repeatable.
     --frame [NAME=]X,Y,Z,A,B,C : The same for a work object or base, in the robot's base frame;

@@ -32,16 +32,16 @@ class Answers:
     --ballbar-dialect : Dialect of the second log, or a .yaml file.
     --ballbar-time : Form of the second log's time stamps, if they do not show it.
     --encoder b1=COLUMN[:-1] : Counter column of an encoder, with :-1 if it counts in the other
-        direction; may be repeated.
+        direction; repeatable.
     --lines : Lines of the encoders per turn.
     --bits : Bits of the encoders' interpolation.
-    --instrument : Instrument of cell/instruments, or a .yaml file: of poses, or of a log of lengths
-        or of a tracker that followed the tool, in place of a ball-bar's.
+    --instrument : Instrument of cell/instruments, or a .yaml file: of poses, or in place of a
+        ball-bar of a log of lengths or of a tracker that followed the tool.
     --column : Column of a log of lengths that holds the length.
     --unit : Unit of that column.
     --zero : Length where that column shows zero, in m.
-    --damaged-rows : Leave out up to so many rows of each log in which a cell is no number, and
-        report them; without it such a log is refused.
+    --damaged-rows : Leave out up to so many rows of each log in which a cell is no number; else
+        such a log is refused.
     --joints COLUMN,... : Columns of the joint angles, in the order of the axes, by name or number.
     --joint-unit : rad or deg.
     --values COLUMN,... : Columns of what was measured: a length, x y z, azimuth and elevation, or
@@ -50,8 +50,8 @@ class Answers:
     --rotation : Convention of rotations: XYZ and the like about moving axes, xyz about fixed ones,
         rotvec, quat_wxyz, quat_xyzw.
     --angle-unit : Of rotations, or of azimuth and elevation: rad or deg.
-    --seat NAME : Name of the instrument's placement: once for all files of poses, or once for each
-        in their order; without it the files show it, or it is asked for.
+    --seat NAME : Name of the instrument's placement: once for all files of poses, or for each in
+        their order; else the files show it, or it is asked for.
     --target NAME : Name of the ball or reflector on the flange, once or for each file as well.
     """
 

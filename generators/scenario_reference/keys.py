@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from ballbar.scenario import Scenario
 
 _BOUNDS = ((Ge, "≥", "ge"), (Gt, ">", "gt"), (Le, "≤", "le"), (Lt, "<", "lt"))
-_KINDS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+_KINDS = {float: "number", int: "integer", str: "text", bool: "true or false"}
 
 
 def models_in(annotation: object) -> list[type[BaseModel]]:
@@ -67,14 +67,16 @@ def default_text(field: FieldInfo) -> str:
 
 
 def values_text(field: FieldInfo) -> str:
-    """Kind and limits of the values, such as `number ≥ 0, < 0.5`."""
-    return _kind(field.annotation) + _bounds(field.metadata)
+    """Kind and limits of the values, such as `number ≥ 0, < 0.5`, or `3 numbers -20 to 20`."""
+    text = _kind(field.annotation) + _bounds(field.metadata)
+    text = re.sub(r"^list of (.*) exactly (\d+)$", r"\2 \1", text)
+    return re.sub(r"^list of (.*) (at least \d+)$", r"\2 \1", text)
 
 
 def row(key: str, field: FieldInfo) -> str:
     """Key, default, values and meaning as one line of a table; plain numbers need no kind."""
     values = re.sub(r"^number( |$)|^true or false$", "", values_text(field))
-    meaning = (field.description or "").replace("|", "\\|")
+    meaning = (field.description or "").removesuffix(" Assumed.").replace("|", "\\|")
     return f"|`{key}`|`{default_text(field)}`|{values}|{meaning}|\n"
 
 
@@ -104,7 +106,8 @@ def _kind(annotation: Any) -> str:
         return " or ".join(_kind(part) for part in parts if part is not type(None))
     if origin is tuple:
         item = _kind(parts[0])
-        return f"list of ({item})" if " " in item else f"list of {item}s"
+        word, blank, rest = item.partition(" ")
+        return f"list of ({item})" if " or " in item else f"list of {word}s{blank}{rest}"
     if origin is dict:
         return f"map of names to {_kind(parts[1])}"
     if parts:  # Annotated
@@ -125,6 +128,8 @@ def _bounds(metadata: Any) -> str:
         for kind, sign, key in _BOUNDS
         if isinstance(limit, kind)
     ]
+    if len(words) == 2 and words[0][0] + words[1][0] == "≥≤":
+        words = [f"{words[0][2:]} to {words[1][2:]}"]
     least = next((limit.min_length for limit in limits if isinstance(limit, MinLen)), None)
     most = next((limit.max_length for limit in limits if isinstance(limit, MaxLen)), None)
     if least is not None and least == most:

@@ -36,17 +36,17 @@ Every key of a scenario, with a picture for every error source. Written by
 `python -m generators.scenario_reference` from the schema that checks a scenario file and from the
 description files in `cell/`; do not edit.
 
-A key carries its unit in its name. One that is not given takes its default. An error source is
-absent unless a scenario names it: `errors: {joint_compliance: {}}` switches one on at its default
-size. An unknown key, a value out of range or a wrong kind is refused with the file's line.
-`extends` and `--set`: [Vary and reuse files](how_to/run_a_sweep.md#set-a-value-or-extend-a-file).
+A key carries its unit in its name. Without a source beside it a default is assumed. An error source
+is absent unless a scenario names it: `errors: {joint_compliance: {}}` switches one on at its
+default size. What does not fit is refused with the file's line. `extends` and `--set`: [Vary and
+reuse files](how_to/run_a_sweep.md#set-a-value-or-extend-a-file).
 
 What differs from unit to unit is drawn from the scenario's seed, each source from a stream of its
 own, so switching one on leaves all others bit-identical. z is a standard normal draw, phi a drawn
-phase. `m` motor hinge, `e` elastic deflection, `q = m + e` joint; `g` output of a gear,
-`joints = gears @ gear_to_joint` ([conventions](conventions.md)); `L` load on a gear, `tau` torque
-of its servo, both at its output; `b` ball-bar angle; `s` elongation of the rod, or angle of an
-encoder's shaft; `F` force.
+phase, sigma a standard deviation. `m` motor hinge, `e` elastic deflection, `q = m + e` joint; `g`
+output of a gear, `joints = gears @ gear_to_joint` ([conventions](conventions.md)); `L` load on a
+gear, `tau` torque of its servo, both at its output; `b` ball-bar angle; `s` elongation of the rod,
+or angle of an encoder's shaft; `F` force.
 
 Pictures: an IRB 2400 with the errors of thesis Table 3.1, 600 mm ball-bar, soft servo, 60 s, no
 noise; the run with the source minus that without it, unless the axes say otherwise. "Tool, bar -
@@ -70,8 +70,8 @@ file, and before one that does not pull, the poses are kinematic. A key of anoth
 is refused, unless it states its default.
 
 - With `poses` only: {of_poses}.
-- With `path` only: {of_path}; of `accept` all but {limits}.
 - With `path` and a ball-bar with encoders only: {of_ballbar}.
+- With `path` only: {of_path}; of `accept` all but {limits}.
 """
 
 
@@ -82,7 +82,8 @@ def page_text() -> str:
 
 def _still_poses() -> str:
     """Which keys belong to a robot that stands still, and which to one that moves."""
-    names = {"of_poses": OF_POSES, "of_path": (*OF_PATH, "identify"), "of_ballbar": OF_BALLBAR}
+    of_path = [key for key in (*OF_PATH, "identify") if key not in OF_BALLBAR]
+    names = {"of_poses": OF_POSES, "of_path": of_path, "of_ballbar": OF_BALLBAR}
     listed = {k: ", ".join(f"`{key}`" for key in keys) for k, keys in names.items()}
     return POSES_HEAD.format(**listed, limits=", ".join(f"`{key}`" for key in OF_EVERY_RUN))
 
@@ -125,16 +126,25 @@ def _pictures(section: str) -> Iterator[str]:
 
 
 def _row(source: Source) -> str:
+    """Heading, sentences, picture and keys; keys of a model that two sources have stand once."""
     info = field_at(source.key)
-    models = models_in(info.annotation)
-    if not models:  # its key is a row of the section's table
-        sentences = [source.model, _machine(source), f"Default: {source.origin}"]
-        return ROW.format(key=source.key, what=" ".join(filter(None, sentences)), keys="")
-    what = source.what or first_paragraph(models[0])
-    note = (info.description or "") + _many(info)
-    origin = f"Default: {source.origin}"
-    what = " ".join(filter(None, (what, source.model, note.strip(), _machine(source), origin)))
-    return ROW.format(key=source.key, what=what, keys=table(models[0].model_fields))
+    models = models_in(info.annotation)  # none where the key is a row of the section's table
+    before = _first_with(models[0], source.key) if models else source.key
+    what = first_paragraph(models[0]) if models else ""
+    note = f"{info.description or ''}{_many(info)}".strip() if models else ""
+    keys = table(models[0].model_fields) if models else ""
+    if before != source.key:
+        what, keys = f"As `{before}`.", ""
+    origin = f"Default: {source.origin}" if source.origin else ""
+    what = " ".join(filter(None, (what, source.model, note, _machine(source), origin)))
+    return ROW.format(key=source.key, what=what, keys=keys)
+
+
+def _first_with(model: type[BaseModel], key: str) -> str:
+    """The key of the first source, up to one, that has the same model."""
+    keys = [source.key for sources in GROUPS.values() for source in sources]
+    keys = keys[: keys.index(key) + 1]
+    return next(other for other in keys if model in models_in(field_at(other).annotation))
 
 
 def _machine(source: Source) -> str:

@@ -41,9 +41,8 @@ class Source:
 
     key: str  # in the scenario, with dots
     model: str
-    origin: str  # of the default
+    origin: str  # of the default; none where it is assumed
     plot: Plot
-    what: str = ""  # where the settings have no model of its own
     # unit and sizes of the description files
     of_machine: tuple[str, Callable[[Cell], ArrayLike]] | None = None
 

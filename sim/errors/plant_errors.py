@@ -16,31 +16,27 @@ Axes = tuple[Annotated[int, Field(ge=1, le=6)], ...]
 
 
 class JointCompliance(Strict):
-    """The gears are elastic: deflection = load / stiffness."""
+    """The gears are elastic."""
 
     scale: Positive = 1.0
     """Factor on the stiffness of the robot file."""
     spread: NotNegative = 0.0
-    """Standard deviation of the logarithm of the stiffness over the joints."""
+    """Sigma of its logarithm over the joints."""
 
 
 class GearBacklash(Strict):
-    """The gears have backlash: a dead band, or a friction element whose hysteresis is as wide."""
+    """The gears have backlash of total width w."""
 
     kind: Literal["dead_band", "hysteresis"] = "dead_band"
-    """Dead band on the load, or hysteresis. Hysteresis adds damping of four times the gear's
-    stiffness times the time step.
-    """
+    """Hysteresis adds damping of 4 times stiffness times time step."""
     scale: NotNegative = 1.0
     """Factor on the total width of the robot file."""
     spread: NotNegative = 0.0
-    """Standard deviation of the logarithm of the width over the joints."""
+    """Sigma of its logarithm over the joints."""
 
 
 class TransmissionError(Strict):
-    """The gears have harmonic errors with the orders and amplitudes of the robot file.
-    Their phases are drawn.
-    """
+    """The gears have harmonic errors of the robot file's orders and amplitudes."""
 
     scale: NotNegative = 1.0
     """Factor on the amplitudes of the robot file."""
@@ -54,7 +50,7 @@ class CycloidRipple(Strict):
     lobes: Positive = 40
     """Cycles per turn of the gear's output."""
     waveform: Literal["harmonic", "cusped"] = "cusped"
-    """A sine, or the |sin| of Yang & Blanche 1990 with zero mean."""
+    """A sine, or the |sin| of Yang & Blanche 1990."""
     axes: Axes = (1, 2, 3)
     """Axes whose gears have the ripple."""
 
@@ -71,9 +67,7 @@ class SinusoidalGearError(Strict):
 
 
 class UnlistedRipple(Strict):
-    """Each gear has one harmonic error more, of an order that the robot file does not list.
-    Orders, 3 to 38 cycles a turn of the output, and phases are drawn.
-    """
+    """Each gear has one harmonic error more, of an order that the robot file does not list."""
 
     amplitude_rad: NotNegative = 4.0e-6
     """Amplitude at the gear's output."""
@@ -87,92 +81,80 @@ class GearFriction(Strict):
     scale: NotNegative = 1.0
     """Factor on all friction of the robot file."""
     stribeck: bool = False
-    """Whether break-away friction exceeds Coulomb friction. A soft servo then sticks and slips in a
-    chaotic sequence.
-    """
+    """Break-away friction exceeds Coulomb friction: a soft servo sticks and slips chaotically."""
 
 
 class RodStrain(Strict):
-    """Rod, gimbal and universal joint of the ball-bar are elastic along the rod, in series.
-    Elongation = force / stiffness.
-    """
+    """Rod, gimbal and universal joint of the ball-bar are elastic along the rod, in series."""
 
     scale: Positive = 1.0
     """Factor on all three stiffnesses of the ball-bar file."""
 
 
 class RodBacklash(Strict):
-    """The joints of the ball-bar have backlash along the rod, within which it carries no force.
-    One force passes through both, so their widths add up.
-    """
+    """Gimbal and universal joint of the ball-bar have backlash along the rod."""
 
     gimbal_m: NotNegative | None = None
-    """Total width of the gimbal; by default that of the ball-bar file."""
+    """Total width; by default the ball-bar file's."""
     universal_joint_m: NotNegative | None = None
-    """Total width of the universal joint; by default that of the ball-bar file."""
+    """Total width; by default the ball-bar file's."""
 
 
 class BarFriction(Strict):
     """The bearings of the ball-bar's joints have friction (LuGre model)."""
 
     torque_N_m: NotNegative | None = None
-    """Friction torque of each joint; by default that of the ball-bar file."""
+    """Torque of each joint; by default the ball-bar file's."""
 
 
 class PlateBending(Strict):
-    """The offset plate bends as a cantilever: a hinge a third of its length from axis 6."""
+    """The offset plate bends as a cantilever."""
 
     tip_stiffness_N_per_m: Positive | None = None
-    """Stiffness at the tip; by default that of the plate file."""
+    """Stiffness at the tip; by default the plate file's."""
 
 
 class BaseCompliance(Strict):
-    """The base of the ball-bar is elastic, with the same stiffness in x, y and z."""
+    """The base of the ball-bar is elastic, equally in x, y and z."""
 
     stiffness_N_per_m: Positive = 5.0e7
-    """Stiffness; assumed for a steel adapter on a bolted plate."""
+    """Stiffness."""
 
 
 class BodyMasses(Strict):
-    """Masses and centres of mass of the robot's links, the plate and the ball-bar's links deviate
-    from their files; each is drawn.
-    """
+    """Masses and centres of mass of arm, plate and ball-bar deviate from their files."""
 
     spread: NotNegative = 0.02
-    """Standard deviation of the logarithm of each mass; inertias follow."""
+    """Sigma of each mass's logarithm; inertias follow."""
     centre_sigma_m: NotNegative = 3.0e-3
-    """Standard deviation of each coordinate of the centres of mass."""
+    """Sigma of each coordinate of the centres."""
 
 
 class UndeclaredLoad(Strict):
-    """Something is mounted on the offset plate that no file states: hoses, cables, an adapter.
-    Mass and place are drawn.
-    """
+    """Hoses, cables or an adapter are on the offset plate, which no file states."""
 
     sigma_kg: NotNegative = 0.4
-    """Mass: the magnitude of a normal draw with this deviation. Assumed."""
+    """Sigma of the draw whose magnitude is the mass. Assumed."""
     centre_sigma_m: NotNegative = 0.05
-    """Standard deviation of each coordinate of its centre about that of the plate. Assumed."""
+    """Sigma of each coordinate of its centre. Assumed."""
 
 
 class ThermalGrowth(Strict):
-    """The links a2 and d4 of the robot grow while it warms up during the recording.
-    Its true parameters are those at the start.
-    """
+    """The links a2 and d4 of the robot grow; its true parameters are those at the start."""
 
     a2_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = 4.0e-5
-    """Growth of a2 from the start to the end of the recording."""
+    """Growth of a2 over the recording."""
     d4_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = 4.0e-5
-    """Growth of d4 from the start to the end of the recording."""
+    """Growth of d4 over the recording."""
     time_constant_s: Positive | None = None
-    """Time constant of an exponential growth; none for a linear one."""
+    """Exponential growth; none for a linear one."""
 
 
 class PlantErrors(Strict):
     """Error sources that act in the plant; each is absent unless named."""
 
     joint_compliance: JointCompliance | None = None
-    """At still poses it requires masses and gears in the robot's file."""
+    """At still poses requires masses and gears in the robot's file."""
     gear_backlash: GearBacklash | None = None
     """Requires joint_compliance."""
     transmission_error: TransmissionError | None = None

@@ -20,9 +20,9 @@ class GeometryErrors(Strict):
     """Deviations of the DH parameters of all rows and of the Hayati angles of parallel axes."""
 
     sigma_m: NotNegative = 5.0e-4
-    """Standard deviation of lengths. Assumed."""
+    """Sigma of lengths. Assumed."""
     sigma_rad: NotNegative = 1.0e-3
-    """Standard deviation of angles. Assumed."""
+    """Sigma of angles. Assumed."""
 
 
 class JointHarmonic(Strict):
@@ -45,18 +45,18 @@ class DrawnHarmonics(Strict):
 
 class UnitWeights(Strict):
     """The arm sags under weights at the origins of its frames, for a robot whose masses are not
-    known. What a joint yields per metre of lever is drawn, positive.
+    known.
     """
 
     sigma_rad_per_m: NotNegative = 3.0e-4
-    """Scale of the drawn yields. Assumed."""
+    """Scale of what a joint yields per metre of lever. Assumed."""
 
 
 class InstrumentNoise(Strict):
     """The readings have white noise as the instrument's file states it; a socket has its play."""
 
     scale: NotNegative = 1.0
-    """Factor on all standard deviations of the file."""
+    """Factor on every sigma of the file."""
 
 
 class Unsettled(Strict):
@@ -74,7 +74,7 @@ class Rounding(Strict):
 
 
 class Drift(Strict):
-    """The seats move against the robot's base in proportion to time; directions are drawn."""
+    """The seats move against the robot's base in proportion to time."""
 
     shift_m: NotNegative = 2.0e-4
     """From the first pose to the last. Assumed."""

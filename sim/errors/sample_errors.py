@@ -39,14 +39,14 @@ class RodDeviation(Strict):
     amplitude_m: Annotated[float, Field(ge=0.0, le=0.01)]
     """Largest deviation from the length bd3."""
     pulled: RodPulled = "rising"
-    """When the rod is pulled: while its end rises, or moves counterclockwise around the base
-    (friction there changes sign), or over stretches of the path that are drawn.
+    """While its end rises, or moves counterclockwise around the base, or over drawn stretches of
+    2 s.
     """
 
 
 class Truncation(Strict):
     """Ball-bar angles are rounded to multiples of a step (thesis Fig. 3.6).
-    Truncation would differ by half a step, which belongs to the encoder offset.
+    Truncation differs by half a step, which belongs to the encoder offset.
     """
 
     step_rad: Annotated[float, Field(gt=0.0, le=0.1)]

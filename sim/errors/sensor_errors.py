@@ -20,11 +20,12 @@ from ballbar.sim.streams import stream
 LEAD = 0.5  # [s] of the path before the first row of the later log, and after the last of both
 
 Probability = Annotated[float, Field(ge=0.0, lt=0.5)]
-RunTime = Annotated[float, Field(description="Seconds after the start of the path.")]
+RunTime = Annotated[float, Field(description="Seconds from the start of the path.")]
 
 
 class ClockWander(Strict):
     """The rate of a clock does a random walk and decays after power-on.
+
     The deviation from the straight line that clock offset and skew describe has no trend.
 
     A random walk of 0.5 ppm in 10 min amounts to 0.1 ppm in 2 min. A quartz changes its rate by
@@ -32,117 +33,105 @@ class ClockWander(Strict):
     """
 
     rate_rms_ppm: Annotated[float, Field(ge=0.0, le=100.0)] = 0.1
-    """RMS of the random walk of the rate about its mean."""
+    """RMS of the random walk about its mean."""
     warm_up_ppm: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
-    """Excess rate at power-on, which then decays; 5 ppm is usual."""
+    """Excess rate at power-on; 5 ppm is usual."""
     warm_up_time_s: Annotated[float, Field(ge=10.0)] = 600.0
-    """Time constant of the decay."""
+    """Time constant of its decay."""
 
 
 class ClockStep(Strict):
-    """The ball-bar's clock is set, which shifts all later stamps.
-    A reader must refuse stamps that go back.
-    """
+    """The ball-bar's clock is set, which shifts all later stamps."""
 
     at_s: RunTime
     step_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.128
-    """Size of the step; NTP sets a clock that is off by more than 128 ms."""
+    """Size of the step."""
 
 
 class StampQuantum(Strict):
-    """Stamps, counted from the first row, are rounded.
-    Truncation would differ by a constant, which belongs to the clock offset.
-    """
+    """Stamps, counted from the first row, are rounded; truncation differs by a clock offset."""
 
     robot_s: Annotated[float, Field(ge=0.0, le=0.1)] = 1.0e-3
-    """EGM headers state whole milliseconds; 0 for no rounding."""
+    """EGM states whole ms; 0 for no rounding."""
     ballbar_s: Annotated[float, Field(ge=0.0, le=0.1)] = 1.0e-3
-    """SYSTEMTIME states whole milliseconds, which a 5 ms task does not show."""
+    """SYSTEMTIME states whole ms, which a 5 ms task does not show."""
 
 
 class StampJitter(Strict):
-    """The robot's rows are stamped a little early or late.
-    The first row is not, since time counts from it.
-    """
+    """The robot's rows are stamped a little early or late, all but the first."""
 
     sigma_s: Annotated[float, Field(ge=0.0, le=5.0e-4)] = 2.0e-4
-    """Standard deviation of white jitter; more would put rows out of order."""
+    """Sigma; more would put rows out of order."""
 
 
 class DroppedRows(Strict):
     """Some rows are missing from the files; the first one never is."""
 
     robot_probability: Probability = 1.0e-3
-    """Share of the robot's rows; one in a thousand is assumed."""
+    """Share of the robot's rows."""
     ballbar_probability: Probability = 1.0e-3
-    """Share of the ball-bar's rows; one in a thousand is assumed."""
+    """Share of the ball-bar's rows."""
 
 
 class DuplicatedRows(Strict):
-    """Some rows stand in the files twice, as if a message had been read twice."""
+    """Some rows stand in the files twice."""
 
     robot_probability: Probability = 1.0e-3
-    """Share of the robot's rows; one in a thousand is assumed."""
+    """Share of the robot's rows."""
     ballbar_probability: Probability = 1.0e-3
-    """Share of the ball-bar's rows; one in a thousand is assumed."""
+    """Share of the ball-bar's rows."""
 
 
 class LoggerRestart(Strict):
-    """The ball-bar's logger stops and starts again in a new file, the old one renamed ...Old.csv.
-    Counters and clock run on.
+    """The ball-bar's logger starts a new file, the old one renamed ...Old.csv; counters and clock
+    run on.
     """
 
     at_s: RunTime
     gap_s: Positive = 2.0
-    """Time without rows; assumed."""
+    """Time without rows."""
 
 
 EncoderNumber = Annotated[int, Field(ge=1, le=5, description="The ball-bar joint it measures.")]
 
 
 class EncoderEccentricity(Strict):
-    """Low harmonics of the encoder itself, from a graduation off centre and an elliptic disc.
-    They lie within the maker's accuracy of 18 arcsec.
-    """
+    """Low harmonics of the encoder itself, from a graduation off centre and an elliptic disc."""
 
     amplitude_rad: tuple[NotNegative, NotNegative, NotNegative] = (6.0e-5, 2.5e-5, 8.0e-6)
     """Amplitudes of 1, 2 and 3 cycles per turn."""
 
 
 class MountingEccentricity(Strict):
-    """The encoder is mounted off the joint's axis, which adds one cycle per turn.
-    The maker's specification does not include it.
-    """
+    """The encoder is mounted off the joint's axis, which no maker's specification includes."""
 
     amplitude_rad: NotNegative = 3.0e-4
     """Amplitude: lateral offset over the radius of the restraint."""
 
 
 class SubdivisionalError(Strict):
-    """Error within one signal period, from offset, gain and phase of sine and cosine."""
+    """Error within a signal period, from offset, gain and phase of sine and cosine."""
 
     amplitude_rad: NotNegative = 1.2e-5
     """Amplitude of one cycle per signal period."""
 
 
 class SignalNoise(Strict):
-    """Sine and cosine of the encoders have noise, by which the lowest of 13 bits fluctuate at rest
-    (thesis sec. 4.6). Of 12 bits and fewer it is a quarter of a count and less.
+    """Sine and cosine of the encoders have noise, by which the lowest of 13 bits fluctuate at
+    rest.
     """
 
     share: NotNegative = 3.5e-4
-    """Standard deviation over the signal's amplitude: half a step of a converter of 12 bits.
-    Assumed.
-    """
+    """Sigma over the signal's amplitude: half a step of 12 bits, a quarter of a count. Assumed."""
 
 
 class FrozenBits(Strict):
     """The terminal freezes low bits at speed, one more with each octave of signal frequency.
-    Its status word does not show it.
+    The status word does not show it.
     """
 
     onset_factor: Positive = 1.0
-    """Factor on the documented onset frequency of the terminal (+-15 %)."""
+    """Factor on the documented onset (+-15 %)."""
 
 
 class AmplitudeError(Strict):
@@ -164,25 +153,21 @@ class AmplitudeError(Strict):
 
 
 class SlippedPeriods(Strict):
-    """The terminal loses or gains whole signal periods.
-    A period is 2**bits counts, 0.1 deg of an encoder with 3600 lines.
-    """
+    """The terminal loses or gains whole signal periods, of 3600 lines 1.745 mrad each."""
 
     encoder: EncoderNumber
     at_s: RunTime
     periods: int = 1
-    """Number of periods, positive as the counter counts up."""
+    """Positive as the counter counts up."""
 
 
 class CouplingSlip(Strict):
-    """The clamp slips, so that the encoder's shaft turns against its joint.
-    One sensor of the thesis was badly fastened (sec. 5.4).
-    """
+    """The clamp slips: the encoder's shaft turns against its joint (thesis sec. 5.4)."""
 
     encoder: EncoderNumber
     at_s: RunTime
     angle_rad: float = 1.0e-3
-    """Step of the reading, positive along the joint's angle. Assumed."""
+    """Step of the reading along the joint's angle. Assumed."""
 
 
 class ResolverError(Strict):
@@ -196,20 +181,20 @@ class ResolverError(Strict):
 
 class JointLag(Strict):
     """The robot logs its angles behind a low-pass filter of first order, one for each motor.
-    Its time constants are drawn. The lag of axis 1 is part of the clock offset.
+    The lag of axis 1 is part of the clock offset.
     """
 
     time_constant_s: Annotated[float, Field(gt=0.0, le=0.1)] = 0.01
-    """Mean time constant; EGM delays by 10 to 20 ms (notes/log_formats sec. D)."""
+    """Mean time constant (notes/log_formats sec. D)."""
     spread: NotNegative = 0.1
-    """Standard deviation of its logarithm over the motors. Assumed."""
+    """Sigma of its logarithm. Assumed."""
 
 
 class JointNoise(Strict):
     """The logged robot angles have white noise."""
 
     sigma_rad: NotNegative
-    """Standard deviation at the joint."""
+    """Sigma at the joint."""
 
 
 class SensorErrors(Strict):
@@ -245,20 +230,18 @@ Share = Annotated[float, Field(ge=0.0, le=0.5)]
 
 
 class Outliers(Strict):
-    """Some rows of a log have one value that is grossly wrong, or some readings at still poses:
-    a broken beam, a mount that was not seated.
-    """
+    """Some rows of a log have one grossly wrong value, or some readings at still poses do."""
 
     robot_probability: Share = 0.05
-    """Share of the robot's rows in which the angle of one joint is wrong."""
+    """Share of the robot's rows."""
     ballbar_probability: Share = 0.05
-    """Share of the ball-bar's rows in which one encoder's angle is wrong."""
+    """Share of the ball-bar's rows."""
     size_rad: tuple[NotNegative, NotNegative] = (1.0e-3, 0.1)
-    """Smallest and largest error; drawn log-uniformly and with either sign. Assumed."""
+    """Smallest and largest error of an angle. Assumed."""
     share: Share = 0.03
     """Share of the readings at still poses."""
     size_m: tuple[NotNegative, NotNegative] = (1.0e-3, 2.0e-2)
-    """Smallest and largest error of a reading at a still pose; drawn log-uniformly. Assumed."""
+    """Smallest and largest error of a reading. Assumed."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

@@ -43,12 +43,12 @@ class StaticErrors(Strict):
     table: Literal["thesis_3_1"] | None = None
     """Deviations of thesis Table 3.1; none to draw them."""
     sigma_m: NotNegative | None = None
-    """Standard deviation of drawn lengths."""
+    """Sigma of drawn lengths."""
     sigma_rad: NotNegative | None = None
-    """Standard deviation of drawn angles."""
+    """Sigma of drawn angles."""
     parameters: Literal["thesis", "robot", "all"] = "thesis"
-    """Which parameters are drawn: those of Table 3.1; these and whatever else of the robot can be
-    identified; or all of robot, ball-bar and base except the plate's length.
+    """Drawn are those of Table 3.1; also whatever else of the robot can be identified; or all of
+    robot, ball-bar and base but the plate's length.
     """
 
     @model_validator(mode="after")
@@ -66,43 +66,41 @@ class StaticErrors(Strict):
 
 
 class BallbarAxes(Strict):
-    """The axes of gimbal and universal joint do not intersect and are not square; both are drawn
+    """The axes of gimbal and universal joint neither intersect nor are square
     (notes/plant, joints_mechanical).
     """
 
     sigma_m: NotNegative = 5.0e-6
-    """Standard deviation of the intersection offsets."""
+    """Sigma of the intersection offsets."""
     sigma_rad: NotNegative = 5.0e-5
-    """Standard deviation of the squareness errors."""
+    """Sigma of the squareness errors."""
     parameters: Literal["between", "all"] = "between"
-    """Which are drawn: those between the axes, or also those before the first axis and behind the
-    last one, which act as the base's height and as the plate do.
+    """Drawn are those between the axes, or also those before the first and behind the last, which
+    act as the base's height and the plate do.
     """
 
 
 class BaseTilt(Strict):
-    """The base of the ball-bar is not parallel to the robot's (notes/plant, base).
-    Two angles are drawn.
-    """
+    """The base of the ball-bar is not parallel to the robot's (notes/plant, base)."""
 
     sigma_rad: NotNegative = 1.0e-3
-    """Standard deviation of the tilt about x and about y."""
+    """Sigma about each axis."""
 
 
 class PlateLength(Strict):
-    """The plate's length, which fixes the scale, deviates from its nominal value; it is drawn."""
+    """The plate's length, which fixes the scale, deviates from its nominal value."""
 
     sigma_m: NotNegative | None = None
-    """Standard deviation; by default that of the plate file."""
+    """Sigma; by default the plate file's."""
 
 
 class MotorOffsets(Strict):
-    """The zeros of the robot's motors are off, as after a calibration by marks; they are drawn.
-    Couplings of the wrist carry an offset on to other joints. Axis 1 has none: it is the base's.
+    """The zeros of the robot's motors are off, as after a calibration by marks.
+    Axis 1 has none: it is the base's.
     """
 
     sigma_rad: NotNegative = 0.05
-    """Standard deviation at the motor; 0.4 to 1.1 mrad at a joint. Assumed."""
+    """Sigma at the motor; 0.4 to 1.1 mrad at a joint. Assumed."""
 
 
 class CellErrors(Strict):

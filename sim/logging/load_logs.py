@@ -37,30 +37,28 @@ class TorqueLog(Strict):
     """Motor torques stand in the robot's log, in columns tau1, tau2, ...."""
 
     noise_N_m: NotNegative = 2.0
-    """Standard deviation of white noise at the outputs of the main gears (notes/identification sec.
-    1).
-    """
+    """Sigma of white noise at the outputs of the main gears (notes/identification sec. 1)."""
     wrist_noise_N_m: NotNegative = 0.3
-    """Standard deviation of white noise at the outputs of the last three gears, the wrist's."""
+    """The same of the last three gears."""
     gain_sigma: NotNegative = 0.02
-    """Standard deviation of the gain error of each axis, drawn per run."""
+    """Sigma of the gain error of each axis, drawn per run."""
 
 
 class ForceSensor(Strict):
-    """A six-axis force sensor at the flange is logged with its own rate and clock."""
+    """A six-axis force sensor at the flange is logged, with its own rate and clock."""
 
     rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = 500.0
     """Rows per second."""
     noise_N: NotNegative = 1.0
-    """Standard deviation of white noise of each force (notes/identification sec. 1)."""
+    """Sigma of white noise of each force (notes/identification sec. 1)."""
     noise_N_m: NotNegative = 0.1
-    """Standard deviation of white noise of each torque; assumed."""
+    """Sigma of white noise of each torque."""
     bias_N: NotNegative = 2.0
-    """Standard deviation of the constant bias of each force; assumed."""
+    """Sigma of the bias of each force."""
     bias_N_m: NotNegative = 0.2
-    """Standard deviation of the constant bias of each torque; assumed."""
+    """Sigma of the bias of each torque."""
     gain_sigma: NotNegative = 0.01
-    """Standard deviation of the gain error of each channel."""
+    """Sigma of the gain error of each channel."""
     offset_s: float = 0.05
     """Time from the first row of the robot to the first of the sensor."""
     skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
@@ -86,21 +84,20 @@ class RobotLogger(Strict):
     """How the robot's controller logs its angles."""
 
     dialect: Annotated[str, _dialect_of("robot")] | None = None
-    """A dialect of cell/dialects that holds a robot's angles; by default that of the robot's file.
-    """
+    """A dialect of cell/dialects; by default that of the robot's file."""
     rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] | None = None
-    """Rows per second; by default those that the dialect's file states."""
+    """Rows per second; by default the dialect's."""
 
 
 class BallbarLogger(Strict):
     """How the ball-bar's encoders are logged: a PLC writes a row every two tasks."""
 
     dialect: Annotated[str, _dialect_of("ballbar")] = "twincat-plc"
-    """A dialect of cell/dialects that holds a ball-bar's counters."""
+    """A dialect of cell/dialects."""
     task_s: Annotated[float, Field(ge=1.0e-4, le=0.05)] = 0.005
     """Cycle of the PLC's task (thesis sec. 4.6)."""
     status: bool = True
-    """Whether the status words of the terminals are logged."""
+    """Status words of the terminals are logged."""
 
 
 class OpticalTracker(Strict):
@@ -111,7 +108,7 @@ class OpticalTracker(Strict):
     rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] = 100.0
     """Rows per second. Assumed."""
     noise_m: Annotated[float, Field(ge=0.0, le=0.01)] = 9.0e-5
-    """Standard deviation of white noise along each axis (thesis sec. 5.3: below 90 um). That of
+    """Sigma of white noise along each axis (thesis sec. 5.3: below 90 um). That of
     cell.instrument stands in its file.
     """
     led_m: Annotated[tuple[LedCoordinate, ...], Field(min_length=3, max_length=3)] = (
@@ -127,8 +124,7 @@ class OpticalTracker(Strict):
     skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
     """Seconds that the robot's clock gains in each second of the tracker's."""
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
-    """Time by which a row is stamped after what it tells of; the identified offset is as much less.
-    """
+    """By so much a row is stamped late; the identified offset is as much less."""
 
 
 class TrackerTruth(Strict):

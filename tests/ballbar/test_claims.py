@@ -522,7 +522,8 @@ def test_the_page_has_every_claim_with_the_verdict_that_its_file_expects() -> No
             word, says = claim.expects("core"), " ".join(claim.says.split()).replace("|", "\\|")
             if "all" in file_.sets and claim.expects("all") != word:
                 word += f" ({claim.expects('all')} with all)"
-            row = re.escape(f'|`{claim.name}`: "{says}" (')
+            source = "" if claim.source == file_.place else f" ({claim.source})"
+            row = re.escape(f'|`{claim.name}`: "{says}"{source}|')
             assert re.search(rf"^{row}.*\|{re.escape(word)}(\. .*)?\|$", page, re.MULTILINE), (
                 f"{file.stem}: {claim.name}"
             )

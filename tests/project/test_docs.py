@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 import yaml
 
+from ballbar.cell.instruments import kinds
 from ballbar.cell.load import load_robot
 from ballbar.cell.robot_angles import controller_to_joints
 from ballbar.run import run_scenario
@@ -211,7 +212,7 @@ def test_no_number_of_a_picture_is_shown_as_the_source_of_a_formula() -> None:
 
 def test_every_table_of_measured_figures_has_command_commit_and_date() -> None:
     page = (DOCS / "validation.md").read_text()
-    line = r"`(?:python -m benchmarks\.|ballbar )[^\n]+ · commit [0-9a-f]{7} · 20\d\d-\d\d-\d\d"
+    line = r"`(?:python -m benchmarks\.|ballbar )[^\n`]+` \([0-9a-f]{7}, 20\d\d-\d\d-\d\d\)"
     for section in re.split(r"^#{2,3} ", page, flags=re.MULTILINE)[1:]:
         title, _, text = section.partition("\n")
         assert re.search(line, text), title
@@ -255,13 +256,33 @@ def test_picture_and_figures_of_the_front_page_are_those_of_the_run_they_name(
     assert words in (ROOT / "README.md").read_text()
 
 
+def test_the_date_to_cite_is_that_of_the_changelog() -> None:
+    """It once was the date of the version before."""
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    released = re.findall(
+        rf"^## {re.escape(cited['version'])} - (\S+)$",
+        (ROOT / "CHANGELOG.md").read_text(),
+        re.MULTILINE,
+    )
+    assert [cited[key] for key in ("date-released",) if key in cited] == released
+
+
+ON_THE_FRONT_PAGE = {
+    "ballbar": ("sensed double ball-bar",),
+    "length": ("telescoping ball-bar", "draw-wire"),
+    "point": ("laser tracker",),
+    "pose": ("motion capture",),
+    "socket": ("ball in sockets",),
+    "bearing": ("theodolites",),
+    "plane": ("dial gauge",),
+}
+
+
 def test_the_front_page_names_every_kind_of_instrument() -> None:
+    assert set(ON_THE_FRONT_PAGE) == {*kinds(), "ballbar"}, "name the new kind on both pages"
     for page in (ROOT / "README.md", DOCS / "index.md"):
         text = " ".join(page.read_text().split())
-        for name in (
-            *("sensed double ball-bar", "telescoping ball-bar", "draw-wire", "laser tracker"),
-            *("motion capture", "ball in sockets"),
-        ):
+        for name in (name for names in ON_THE_FRONT_PAGE.values() for name in names):
             assert name in text, f"{page.name}: {name}"
 
 

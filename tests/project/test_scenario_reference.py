@@ -42,6 +42,7 @@ def section_fields() -> Iterator[tuple[str, FieldInfo]]:
             yield section, outer
 
 
+AS_ANOTHER = {"clocks.robot_wander": "clocks.wander"}  # with the same keys
 SWITCHABLE = {
     key: model
     for key, info in section_fields()
@@ -101,15 +102,17 @@ def test_the_walk_finds_the_sources_of_every_section() -> None:
 def test_every_switchable_error_source_has_its_row_and_plot(page: str, key: str) -> None:
     row = row_of(page, key)
     assert f"](images/effects/{key}.svg)" in row
-    assert "Default: " in row
-    assert (SWITCHABLE[key].__doc__ or "?").splitlines()[0] in row
+    (source,) = (source for source in SOURCES if source.key == key)
+    assert (f"Default: {source.origin}" in row) if source.origin else "Default: " not in row
+    first = (SWITCHABLE[key].__doc__ or "?").splitlines()[0]
+    assert (f"As `{AS_ANOTHER[key]}`." if key in AS_ANOTHER else first) in row
 
 
 @pytest.mark.parametrize("key", SWITCHABLE)
 def test_every_parameter_is_printed_with_the_default_and_meaning_of_its_model(
     page: str, key: str
 ) -> None:
-    row = row_of(page, key)
+    row = row_of(page, AS_ANOTHER.get(key, key))
     for name, info in SWITCHABLE[key].model_fields.items():
         shown = printed(row, name)
         if info.is_required():
@@ -118,7 +121,8 @@ def test_every_parameter_is_printed_with_the_default_and_meaning_of_its_model(
             assert as_default(shown) == pytest.approx(info.default, rel=ROUNDING)
         else:
             assert as_default(shown) == info.default
-        assert (info.description or "").replace("|", "\\|") in row
+        meaning = (info.description or "").removesuffix(" Assumed.")
+        assert meaning.replace("|", "\\|") in row
 
 
 def test_every_key_of_a_scenario_stands_on_the_page(page: str) -> None:
@@ -135,10 +139,12 @@ def test_every_key_of_a_scenario_stands_on_the_page(page: str) -> None:
 def test_limits_and_choices_are_those_of_the_schema(page: str) -> None:
     for words in (
         "|`path.duration_s`|`required`|> 0, ≤ 3600|",
+        "|`cell.ballbar_position_m`|`null`|3 numbers -20 to 20|",
+        "|`identify.corrections`|`null`|at least 1 texts|",
         "|`identify.cost`|`ml`|`ml`, `length`,",
-        "|list of (whole number ≥ 1, ≤ 5)|",
+        "|list of integers 1 to 5|",
         "|`scale`|`1.0`|> 0|Factor on the stiffness",
-        "|`delay_s`|`required`|≥ -1, ≤ 1|",
+        "|`delay_s`|`required`|-1 to 1|",
     ):
         assert words in page, words
 
@@ -167,6 +173,8 @@ def test_a_changed_default_changes_what_is_printed() -> None:
         field = FieldInfo(annotation=float, default=default, description="Total |width|.")
         return line_of("width_m", field)
 
+    assumed = FieldInfo(annotation=float, default=5e-6, description="Total |width|. Assumed.")
+    assert line_of("width_m", assumed) == item(5e-6)  # the head of the page says it of all
     assert item(5e-6) == "|`width_m`|`5.0e-6`||Total \\|width\\|.|\n"
     assert item(2e-6) == "|`width_m`|`2.0e-6`||Total \\|width\\|.|\n"
     needed = FieldInfo(annotation=float, description="When.")

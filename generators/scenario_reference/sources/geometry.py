@@ -13,8 +13,7 @@ STATIC_OFF: Changes = {"errors": {"static": None}, "plant": {"kind": "kinematic"
 GEOMETRY = (
     Source(
         "errors.static",
-        "`true = nominal + deviation`; of the table, or `sigma z` with z normal, one draw a "
-        "parameter.",
+        "`true = nominal + deviation` of the table, or `+ sigma z`.",
         "thesis Table 3.1, or as thesis sec. 3.1 draws.",
         Plot(
             signals.time,
@@ -43,26 +42,26 @@ GEOMETRY = (
         "errors.ballbar_axes",
         f"`sigma_m z` on {', '.join(AXIS_OFFSETS)}; `sigma_rad z` on {', '.join(AXIS_ANGLES)}; "
         f"with `all` on {', '.join(AXIS_ENDS)} too.",
-        "assumed.",
+        "",
         residual_plot(merged(KINEMATIC, error("ballbar_axes")), off=KINEMATIC, um=True),
     ),
     Source(
         "errors.base_tilt",
         "`otx, oty = sigma_rad z`, about x, then y.",
-        "assumed; the thesis has none.",
+        "",
         residual_plot(merged(KINEMATIC, error("base_tilt")), off=KINEMATIC),
     ),
     Source(
         "errors.motor_offsets",
-        "`rtheta = nominal + (sigma_rad z) @ T`, z one draw a motor, T the transmission matrix.",
-        "assumed: a calibration by marks.",
+        "`rtheta = nominal + (sigma_rad z) @ T`, T the transmission matrix.",
+        "",
         residual_plot(merged(KINEMATIC, error("motor_offsets")), off=KINEMATIC),
     ),
     Source(
         "errors.plate_length",
-        "`ra6 = nominal + sigma_m z`, one draw.",
-        "plate file, assumed.",
+        "`ra6 = nominal + sigma_m z`.",
+        "plate file.",
         residual_plot(merged(KINEMATIC, error("plate_length")), off=KINEMATIC, um=True),
-        of_machine=("m, standard deviation", lambda cell: cell.plate.length_sigma),
+        of_machine=("m, sigma", lambda cell: cell.plate.length_sigma),
     ),
 )

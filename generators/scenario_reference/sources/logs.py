@@ -13,17 +13,15 @@ PERIOD_MS, TASK_MS = 1e3 * ABB_PERIOD, 1e3 * BallbarLogger().task_s
 CLOCKS = (
     Source(
         "clocks.offset_s",
-        "`t_robot = offset + (1 + skew) t_bar`, both from the first row of their log.",
-        "both logs begin together.",
+        "The ball-bar's log begins later.",
+        "",
         clock_plot({"offset_s": 0.137}, "ms", 1e3),
-        what="One log begins later than the other.",
     ),
     Source(
         "clocks.skew",
-        "As above: the ball-bar's clock runs slow by 1 + skew.",
-        "none; quartz clocks differ by 20 to 100 ppm.",
+        "Quartz clocks differ by 20 to 100 ppm.",
+        "",
         clock_plot({"skew": 5e-5}, "ms", 1e3),
-        what="The two clocks run at different rates.",
     ),
     Source(
         "clocks.wander",
@@ -45,8 +43,8 @@ CLOCKS = (
     ),
     Source(
         "clocks.robot_wander",
-        "As clocks.wander, of a stream of its own.",
-        "quartz without an oven.",
+        "",
+        "",
         rows_plot(
             signals.robot_row_time,
             signals.stamp_error(1e6),
@@ -57,13 +55,13 @@ CLOCKS = (
     Source(
         "clocks.step",
         "`stamp + step_s` from at_s.",
-        "NTP's step threshold.",
+        "NTP's threshold for a step.",
         clock_plot({"step": {"at_s": 20.0}}, "ms", 1e3),
     ),
     Source(
         "clocks.quantum",
-        "`rint(stamp / quantum) quantum`, from the first row.",
-        "EGM and SYSTEMTIME count whole ms.",
+        "`rint(stamp / quantum) quantum`.",
+        "",
         rows_plot(
             signals.robot_row_time,
             signals.stamp_error(1e3),
@@ -75,7 +73,7 @@ CLOCKS = (
     Source(
         "clocks.jitter",
         "`stamp + sigma_s z`.",
-        "assumed.",
+        "",
         rows_plot(
             signals.robot_row_time,
             signals.stamp_error(1e3),
@@ -90,8 +88,8 @@ CLOCKS = (
 LOGGERS = (
     Source(
         "clocks.overrun_probability",
-        f"A row takes {SAMPLE_TASKS} tasks of {TASK_MS:g} ms, or one more.",
-        "none; overruns: thesis sec. 4.6.",
+        f"A row takes {SAMPLE_TASKS} tasks of {TASK_MS:g} ms, or one more (thesis sec. 4.6).",
+        "",
         rows_plot(
             signals.bar_file_time,
             signals.bar_file_interval_ms,
@@ -99,12 +97,11 @@ LOGGERS = (
             {"overrun_probability": 0.005},
             marks=True,
         ),
-        what="A line of the ball-bar's log takes one task more.",
     ),
     Source(
         "clocks.dropped_rows",
-        "Each row but the first is lost with the stated probability.",
-        "assumed.",
+        "",
+        "",
         rows_plot(
             signals.robot_file_time,
             signals.robot_file_interval_ms,
@@ -115,8 +112,8 @@ LOGGERS = (
     ),
     Source(
         "clocks.duplicated_rows",
-        "Each row but the first is written twice with the stated probability.",
-        "assumed.",
+        "",
+        "",
         rows_plot(
             signals.robot_file_time,
             signals.robot_file_interval_ms,
@@ -127,8 +124,8 @@ LOGGERS = (
     ),
     Source(
         "clocks.restart",
-        "No rows from at_s to at_s + gap_s.",
-        "assumed.",
+        "",
+        "",
         rows_plot(
             signals.bar_file_time,
             signals.bar_file_interval_ms,
@@ -142,9 +139,8 @@ LOGGERS = (
 FORMS = (
     Source(
         "logs.robot",
-        "Columns, units, separators and container of the dialect's file; angles of motors, axes or "
-        "joints by the robot's file.",
-        "the robot's file.",
+        "Columns, units and container are the dialect's; angles those of motors, axes or joints.",
+        "",
         Plot(
             signals.robot_file_time,
             signals.robot_file_interval_ms,
@@ -162,8 +158,8 @@ FORMS = (
     ),
     Source(
         "logs.ballbar",
-        "Columns and separators of the dialect's file; a row takes two tasks.",
-        "thesis sec. 4.6: a task of 5 ms.",
+        "",
+        "thesis sec. 4.6.",
         Plot(
             signals.bar_file_time,
             signals.bar_file_interval_ms,
@@ -184,8 +180,8 @@ FORMS = (
 LOADS = (
     Source(
         "logs.torque",
-        "`(tau (1 + gain z_i) + noise z) / ratio`: columns tau1..tau6, N m at the motor.",
-        "assumed.",
+        "`(tau (1 + gain z_i) + noise z) / ratio`, N m at the motor.",
+        "",
         Plot(
             signals.time,
             signals.logged_and_true_torque,
@@ -200,7 +196,7 @@ LOADS = (
         "logs.force_sensor",
         "`load (1 + gain z_c) + bias z_c + noise z`: force and torque of plate and ball-bar on the "
         "flange, in its frame, about its origin.",
-        "assumed, like the JR3 of thesis sec. 5.3.",
+        "like the JR3 of thesis sec. 5.3, assumed.",
         Plot(
             signals.sensor_time,
             signals.sensor_force_and_truth,

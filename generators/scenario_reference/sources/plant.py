@@ -21,15 +21,14 @@ def _kp(name: str) -> Callable[[Cell], ArrayLike]:
 GEARS = (
     Source(
         "errors.joint_compliance",
-        "`L = K e`; the log shows `m`, the joint stands at `q = m + e`. Gear i is combination i of "
-        "the joints (`joint_to_gear`).",
-        "robot file, of a Manutec r3 and RV catalogues; none identified of an IRB 2400 was found.",
+        "`L = K e`; the log shows `m`. Gear i is combination i of the joints (`joint_to_gear`).",
+        "robot file: Manutec r3, RV catalogues.",
         residual_plot(error("joint_compliance")),
         of_machine=("N m/rad", lambda cell: cell.robot.gears.stiffness),
     ),
     Source(
         "errors.gear_backlash",
-        "Total width w. Dead band: `L = K (e - clip(e, -w/2, w/2))`. Hysteresis: beside `K e` a "
+        "Dead band: `L = K (e - clip(e, -w/2, w/2))`. Hysteresis: beside `K e` a "
         "friction element, "
         f"{HYSTERESIS_STIFFNESS:g} times as stiff, that slips at `K w/2`.",
         "robot file, below the catalogues' 1 arcmin.",
@@ -46,25 +45,20 @@ GEARS = (
             error("joint_compliance"),
             points=450,
         ),
-        of_machine=("rad, total width", lambda cell: cell.robot.gears.lost_motion),
+        of_machine=("rad", lambda cell: cell.robot.gears.lost_motion),
     ),
     Source(
         "errors.transmission_error",
-        "`delta(g) = sum A_k sin(n_k g + phi_k)`, g the gear's output; the motor shows `g - "
-        "delta(g)`. Phases drawn.",
-        "robot file, below 1 arcmin peak to peak; the split over the orders is assumed.",
+        "`delta(g) = sum A_k sin(n_k g + phi_k)`; the motor shows `g - delta(g)`.",
+        "robot file, below 1 arcmin peak to peak.",
         gear_plot({"": error("transmission_error")}, window=(3.0, 9.0), points=450),
-        of_machine=(
-            "rad, axis 1; orders are in the file",
-            lambda cell: [a for _, a in cell.robot.gears.harmonics[0]],
-        ),
+        of_machine=("rad, axis 1", lambda cell: [a for _, a in cell.robot.gears.harmonics[0]]),
     ),
     Source(
         "errors.cycloid_ripple",
-        "Harmonic: `A sin(N g + phi)`. Cusped: `A pi/2 (abs(sin(x/2)) - 2/pi)`, `x = N g + phi`: "
-        "zero mean, unit peak at the cusp, "
+        "Harmonic: `A sin(N g + phi)`. Cusped: `A pi/2 (abs(sin(x/2)) - 2/pi)`, `x = N g + phi`, "
         f"by its first {CUSP_TERMS} harmonics `-2 A cos(k x) / (4 k^2 - 1)`.",
-        "assumed; waveform: Yang & Blanche 1990.",
+        "",
         gear_plot(
             {
                 "cusped": error("cycloid_ripple"),
@@ -75,8 +69,8 @@ GEARS = (
     ),
     Source(
         "errors.sinusoidal_gear_error",
-        "`A sin(n g + phi)`; n = 1 on the output side, n = gear ratio on the input side.",
-        "assumed; shape: thesis sec. 2.3.",
+        "`A sin(n g + phi)`, n = 1 or the gear ratio.",
+        "",
         gear_plot(
             {
                 "output": error("sinusoidal_gear_error"),
@@ -87,17 +81,15 @@ GEARS = (
     ),
     Source(
         "errors.unlisted_ripple",
-        "`A sin(n g + phi)`, n drawn for each gear from the whole numbers "
-        f"{UNLISTED_ORDERS[0]} to {UNLISTED_ORDERS[-1]} that its list does not hold.",
-        "assumed.",
+        f"`A sin(n g + phi)`, n drawn from {UNLISTED_ORDERS[0]} to {UNLISTED_ORDERS[-1]}.",
+        "",
         gear_plot({"": error("unlisted_ripple")}, window=(3.0, 9.0)),
     ),
     Source(
         "errors.gear_friction",
-        "`sign(w) (Fc + (Fs - Fc) exp(-(w/ws)^2)) + Fv w` against the speed w; `Fs = Fc` unless "
-        "`stribeck`. Before it slips, a bristle of "
-        f"at least {BRISTLE_TRAVEL * 1e6:g} urad of travel (LuGre), longer where it would chatter "
-        "with the rotor.",
+        "`sign(w) (Fc + (Fs - Fc) exp(-(w/ws)^2)) + Fv w` of the speed w; `Fs = Fc` unless "
+        f"`stribeck`. Before it slips, a bristle of at least {BRISTLE_TRAVEL * 1e6:g} urad of "
+        "travel, longer where it would chatter with the rotor.",
         "robot file: Obal & Gierlak 2025 (IRB 2400), scaled for the NJ 220.",
         Plot(
             signals.gear_speed(1),
@@ -111,9 +103,9 @@ GEARS = (
     ),
     Source(
         "errors.masses",
-        "`m = nominal exp(spread z)`, inertia with m; `com = nominal + centre_sigma_m z` in x, y "
-        "and z. The servo's feed-forward and the identifier know the nominal ones.",
-        "assumed.",
+        "`m = nominal exp(spread z)`, `com = nominal + centre_sigma_m z`. Servo and identifier "
+        "know the nominal ones.",
+        "",
         Plot(
             signals.time,
             signals.torque(2),
@@ -123,9 +115,8 @@ GEARS = (
     ),
     Source(
         "errors.payload",
-        "`m = abs(sigma_kg z)` more on the plate, its centre `centre_sigma_m z` from the plate's "
-        "in x, y and z. Feed-forward and identifier know nothing of it.",
-        "assumed: hoses and cables.",
+        "`m = abs(sigma_kg z)`, its centre `centre_sigma_m z` from the plate's.",
+        "",
         Plot(
             signals.time,
             signals.torque(2),
@@ -137,7 +128,7 @@ GEARS = (
         "plant.servo",
         "`tau = kp (u - shown) - kv m'`, no integral action; `u = g + kv/kp g'` of the reference "
         "(+ weight / kp).",
-        "robot file, assumed: soft keeps the rod's force below the thesis's 150 N.",
+        "robot file: soft keeps the rod's force below the thesis's 150 N.",
         Plot(
             signals.time,
             signals.rod_force,
@@ -151,9 +142,8 @@ GEARS = (
     ),
     Source(
         "plant.gravity_compensation",
-        "Adds `tau_g / kp` to the command, the weight of the nominal robot with its plate at the "
-        "reference.",
-        "a controller knows its arm's weight.",
+        "Adds `tau_g / kp` to the command, the weight of nominal robot and plate at the reference.",
+        "",
         Plot(
             signals.time,
             lambda view: 1e3 * view.q[:, 1:3],
@@ -167,8 +157,7 @@ GEARS = (
 BAR = (
     Source(
         "errors.rod_strain",
-        "`F = k s`, s the rod's elongation, `1 / k` the sum over rod, gimbal and universal joint; "
-        "without it a rod of 1e10 N/m, 0.01 um at 100 N.",
+        "`F = k s`, `1 / k` the sum over the three; without it a rod of 1e10 N/m.",
         "ball-bar file: thesis sec. 5.3, Fig. 5.8.",
         Plot(
             signals.rod_force,
@@ -181,8 +170,7 @@ BAR = (
     ),
     Source(
         "errors.rod_backlash",
-        "`F = k (s - clip(s, -w/2, w/2))`, s the rod's elongation, k its stiffness, w the sum over "
-        "gimbal and universal joint.",
+        "`F = k (s - clip(s, -w/2, w/2))`, w the sum of both widths.",
         "ball-bar file: half of the bound of thesis sec. 5.3.",
         Plot(
             signals.rod_force,
@@ -194,13 +182,12 @@ BAR = (
             show_off="without",
             points=450,
         ),
-        of_machine=("m, total width", lambda cell: cell.ballbar.backlash),
+        of_machine=("m", lambda cell: cell.ballbar.backlash),
     ),
     Source(
         "errors.bar_friction",
-        "LuGre with `Fc = Fs`, the stated torque, at each of the five joints; before it slips, an "
-        "elastic bristle.",
-        "ball-bar file, assumed.",
+        "`Fc = Fs` at each of the five joints.",
+        "ball-bar file.",
         Plot(
             signals.time,
             signals.robot_angle(1, 1e6),
@@ -211,8 +198,8 @@ BAR = (
     ),
     Source(
         "errors.plate_bending",
-        "Cantilever: deflection `F / k`, tilt `3 F / (2 k L)` by a hinge of `k (2 L / 3)^2`, L / 3 "
-        "from the sixth axis.",
+        "Deflection `F / k`, tilt `3 F / (2 k L)`, by a hinge of `k (2 L / 3)^2`, L / 3 from axis "
+        "6.",
         "plate file: thesis secs. 4.5 and 5.4.",
         Plot(
             signals.time,
@@ -227,8 +214,8 @@ BAR = (
     ),
     Source(
         "errors.base_compliance",
-        "`x = F / k`, equally in x, y and z.",
-        "assumed: a steel adapter on a bolted plate.",
+        "`x = F / k`.",
+        "a steel adapter on a bolted plate, assumed.",
         residual_plot(error("base_compliance"), um=True),
     ),
 )

@@ -21,8 +21,8 @@ from generators.scenario_reference.runs import Changes, merged
 ROBOT_SENSORS = (
     Source(
         "errors.joint_noise",
-        "`q + sigma z` at each row.",
-        "none; thesis sec. 3.5 has 10 urad.",
+        "`q + sigma z` at each row (thesis sec. 3.5: 10 urad).",
+        "",
         Plot(
             signals.time,
             signals.robot_angle(1, 1e6),
@@ -36,9 +36,8 @@ ROBOT_SENSORS = (
     ),
     Source(
         "errors.joint_lag",
-        "`y' = (m - y) / T_i`, `T_i = time_constant_s exp(spread z)`, m the motor's angle at its "
-        "gear's output.",
-        "EGM manual, 10 to 20 ms; spread assumed.",
+        "`y' = (m - y) / T_i`, `T_i = time_constant_s exp(spread z)`.",
+        "EGM manual, 10 to 20 ms.",
         Plot(
             signals.time,
             signals.robot_angle(1, 1e3),
@@ -49,8 +48,7 @@ ROBOT_SENSORS = (
     ),
     Source(
         "errors.resolver_error",
-        "`m + sum A_k sin(k m + phi_k)`, k = 1, 2, m the motor's angle; then rounded to the "
-        "quantum.",
+        "`m + sum A_k sin(k m + phi_k)`, then rounded.",
         "resolvers of the +-10 arcmin class, converters of 16 bits.",
         Plot(
             signals.robot_angle(1, 180.0 / np.pi),
@@ -65,8 +63,8 @@ ROBOT_SENSORS = (
 
 OUTLIERS = Source(
     "errors.outliers",
-    "`angle + s`, s of log-uniform size and drawn sign, on one angle of a row.",
-    "assumed.",
+    "`angle + s`, s of log-uniform size and drawn sign.",
+    "",
     Plot(
         signals.time,
         signals.robot_angle(1, 1e3),
@@ -83,25 +81,25 @@ FAST: Changes = {"path": {"duration_s": 26.0}}  # the encoders' signals pass the
 ENCODERS = (
     Source(
         "errors.mounting_eccentricity",
-        "`b + A sin(b + phi)`, A = offset / radius of the restraint; phase drawn.",
-        "assumed.",
+        "`b + A sin(b + phi)`.",
+        "",
         sensor_plot(5, error("mounting_eccentricity")),
     ),
     Source(
         "errors.encoder_eccentricity",
-        "`s + sum A_k sin(k s + phi_k)`, k = 1..3, s the shaft's angle; phases drawn.",
-        "near the ERN 1080's 18 arcsec.",
+        "`s + sum A_k sin(k s + phi_k)`.",
+        "within the ERN 1080's 18 arcsec.",
         sensor_plot(5, error("encoder_eccentricity")),
     ),
     Source(
         "errors.subdivisional_error",
         "`s + A sin(lines s + phi)`, after eccentricity.",
-        "assumed: 0.7 % of a period.",
+        "0.7 % of a period, assumed.",
         sensor_plot(5, error("subdivisional_error"), x="time", window=(2.0, 3.0), points=101),
     ),
     Source(
         "errors.signal_noise",
-        "`s + share z / lines` at each row: the arctangent of two noisy signals.",
+        "`s + share z / lines` at each row.",
         "thesis sec. 4.6.",
         Plot(
             signals.time,
@@ -121,11 +119,9 @@ ENCODERS = (
     ),
     Source(
         "errors.frozen_bits",
-        "Low bits keep their last value from the onset up, one more each octave of signal "
-        f"frequency, {SURE_BITS} bits always live. "
-        "Onset by bits: "
-        + ", ".join(f"{bits}: {hz:g} Hz" for bits, hz in FREEZING_ONSET_HZ.items())
-        + ".",
+        f"{SURE_BITS} bits are always live. Onset at {min(FREEZING_ONSET_HZ)} to "
+        f"{max(FREEZING_ONSET_HZ)} bits: {', '.join(f'{f:g}' for f in FREEZING_ONSET_HZ.values())} "
+        "Hz.",
         "EL5021 documentation.",
         Plot(
             signals.signal_frequency(5),
@@ -141,8 +137,8 @@ ENCODERS = (
     ),
     Source(
         "errors.amplitude_errors",
-        "Status bits 4 and 14 from start_s to end_s.",
-        "none.",
+        "",
+        "",
         Plot(
             signals.time,
             signals.weak_signal(2),
@@ -164,13 +160,13 @@ ENCODERS = (
     Source(
         "errors.slipped_periods",
         "`counts + periods 2^bits` from at_s.",
-        "none. One period of 3600 lines is 1.745 mrad.",
+        "",
         sensor_plot(2, {"errors": {"slipped_periods": [{"encoder": 2, "at_s": 20.0}]}}, x="time"),
     ),
     Source(
         "errors.coupling_slips",
         "`shaft + angle_rad` from at_s.",
-        "assumed.",
+        "",
         sensor_plot(2, {"errors": {"coupling_slips": [{"encoder": 2, "at_s": 20.0}]}}, x="time"),
     ),
     Source(
@@ -189,7 +185,6 @@ ENCODERS = (
             points=101,
             marks=True,
         ),
-        what="Quantisation of the ball-bar angles; always there.",
     ),
     Source(
         "encoders.noise_sigma_rad",
@@ -203,7 +198,6 @@ ENCODERS = (
             points=100,
             marks=True,
         ),
-        what="White noise of the ball-bar angles. Plotted: 1.0e-5.",
     ),
 )
 
@@ -212,15 +206,13 @@ PAIRS = (
     Source(
         "errors.synchronisation",
         "The sample of time t pairs `b(t)` with `q(t + delay_s)`.",
-        "none: what a study varies (thesis sec. 3.5).",
+        "",
         residual_plot(merged(KINEMATIC, error("synchronisation", delay_s=1e-3)), off=KINEMATIC),
     ),
     Source(
         "errors.rod_deviation",
-        "`bd3 + A (s - mean(s))`, s = +1 where the rod is pulled, -1 where it is pushed: while its "
-        "end rises or sinks, or moves one way or the other around the base, kept where it stands "
-        "still; or over drawn stretches of 2 s.",
-        "none (thesis sec. 3.5); where the sign changes is chosen here.",
+        "`bd3 + A (s - mean(s))`, s = +1 where the rod is pulled, -1 where it is pushed.",
+        "thesis sec. 3.5; where the sign changes is chosen here.",
         residual_plot(
             merged(KINEMATIC, error("rod_deviation", amplitude_m=1e-5)), off=KINEMATIC, um=True
         ),
@@ -228,7 +220,7 @@ PAIRS = (
     Source(
         "errors.truncation",
         "`rint(b / step_rad) step_rad`.",
-        "none (thesis sec. 3.5).",
+        "",
         sensor_plot(5, error("truncation", step_rad=1e-4), x="time", window=(2.0, 3.0), points=101),
     ),
 )
