@@ -13,7 +13,7 @@ tool was mounted by.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -23,7 +23,7 @@ import numpy as np
 from ballbar.cell.arrays import Array
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import parameter_named
-from ballbar.history.events import Series
+from ballbar.history.events import AxisSeries
 from ballbar.ident.least_sizes import WANDER_ZERO
 from ballbar.ident.robot.accuracy import accuracy_grid, aligned_columns
 from ballbar.ident.robot.identified import RANGE_MARGIN
@@ -32,15 +32,7 @@ from ballbar.ident.verdict import Status
 from ballbar.result.calibration import Calibration, load
 
 MONTH = 365.25 / 12.0  # [days]
-# of the corrections that belong to an axis
-KINDS = {
-    "gear_backlash": "backlash",
-    "typical_backlash": "backlash",
-    "joint_compliance": "compliance",
-    "typical_compliance": "compliance",
-    "gear_ripple": "ripple",
-    "joint_harmonics": "ripple",
-}
+_COEFFICIENT = re.compile(r"(?:typical_)?(backlash|compliance|ripple|joint)(\d+)(?:_[\d.]+_\w+)?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,52 +76,63 @@ def _dated(calibration: Calibration) -> DatedResult:
     return DatedResult(written, False, calibration)
 
 
-def series_of(results: Sequence[DatedResult]) -> tuple[Series, ...]:
-    """What the acceptable results state of each axis on two days or more."""
+def series_of(results: Sequence[DatedResult]) -> list[AxisSeries]:
+    """Every quantity of an axis that the acceptable results state on two days or more."""
     used = [(k, r) for k, r in enumerate(results) if r.acceptable]
     repeated = repetitions([r.calibration for _, r in used])
     stated = {k: _stated(r.calibration, repeated) for k, r in used}
     moves = _moves(used[-1][1].calibration) if used else {}
-    names = dict.fromkeys(name for values in stated.values() for name in values)
     series = []
-    for name in names:
-        dates = np.array([k for k, values in stated.items() if name in values])
-        days = [results[k].day for k in dates]
-        if name not in moves or days[0] == days[-1]:
-            continue
-        value, sigma = np.array([stated[k][name] for k in dates]).T
-        t = np.array([(day - results[0].day).days / MONTH for day in days])
-        axis, kind, unit, move = moves[name]
-        series.append(Series(name, axis, kind, unit, dates, t, _near(value, kind), sigma, move))
-    return tuple(sorted(series, key=lambda s: (s.axis, list(_ORDER).index(s.kind))))
-
-
-_ORDER = ("zero", "twist", "backlash", "compliance", "ripple")
-
-
-def _near(value: Array, kind: str) -> Array:
-    """Values, angles within half a turn of the first."""
-    if kind not in ("zero", "twist"):
-        return value
-    return np.asarray(value[0] + np.angle(np.exp(1j * (value - value[0]))))
+    for name, move in moves.items():
+        dates = np.array([k for k, values in stated.items() if name in values], dtype=np.intp)
+        t = np.array([(results[k].day - results[0].day).days / MONTH for k in dates])
+        if t.size and t[-1] > t[0]:
+            axis, kind = _quantity(name, results[0].calibration.robot.joints) or (0, "")
+            value, sigma = np.array([stated[int(k)][name] for k in dates]).T
+            if kind in ("zero", "twist"):  # within half a turn of the first
+                value = value[0] + np.angle(np.exp(1j * (value - value[0])))
+            series.append(
+                AxisSeries(
+                    name=name,
+                    axis=axis,
+                    kind=kind,
+                    dates=dates,
+                    t=t,
+                    value=value,
+                    sigma=sigma,
+                    moves=move,
+                )
+            )
+    return series
 
 
 def repetitions(calibrations: Sequence[Calibration]) -> bool:
-    """Whether results are of logs of one path, taken with one instrument and plate."""
-    first = calibrations[0]
+    """Whether results are of logs of one path, taken with one instrument, plate and model."""
+
+    def shared(calibration: Calibration) -> tuple[object, ...]:
+        file = calibration.file
+        return file.instrument, file.plate, file.masses is None, tuple(file.corrections)
+
     return all(
         c.of_logs
-        and _shared(c) == _shared(first)
-        and c.ranges.shape == first.ranges.shape
-        and np.allclose(c.ranges, first.ranges, rtol=0.0, atol=RANGE_MARGIN)
+        and shared(c) == shared(calibrations[0])
+        and c.ranges.shape == calibrations[0].ranges.shape
+        and np.allclose(c.ranges, calibrations[0].ranges, rtol=0.0, atol=RANGE_MARGIN)
         for c in calibrations
     )
 
 
-def _shared(calibration: Calibration) -> tuple[object, ...]:
-    """What two results have in common if they are of one instrument, plate and load."""
-    file = calibration.file
-    return file.instrument, file.plate, file.masses is None, tuple(file.corrections)
+def _quantity(name: str, joints: int) -> tuple[int, str] | None:
+    """Axis, from 1, and kind of a parameter or coefficient; None for one that is not compared."""
+    if parts := _COEFFICIENT.fullmatch(name):
+        return int(parts[2]), parts[1].replace("joint", "ripple")
+    try:
+        parameter = parameter_named(name)
+    except KeyError:
+        return None
+    if parameter.side != "robot" or parameter.is_length or parameter.row >= joints - 1:
+        return None
+    return parameter.row + 1, "zero" if parameter.kind == "theta" else "twist"
 
 
 def _stated(calibration: Calibration, repeated: bool) -> dict[str, tuple[float, float]]:
@@ -137,47 +140,29 @@ def _stated(calibration: Calibration, repeated: bool) -> dict[str, tuple[float, 
 
     repeated : whether the deviation is that of a repetition, where it is stated.
     """
-    file = calibration.file
-    values = {name: (file.parameters[name].value, sigma) for name, sigma in _angles(calibration)}
-    values |= {
-        key: (c.value, c.sigma)
-        for name, entries in file.corrections.items()
-        for key, c in entries.items()
-        if name in KINDS and c.information_gain >= UNDETERMINED
-    }
+    file, joints = calibration.file, calibration.robot.joints
+    identified = {n: (p.value, p.sigma) for n, p in file.parameters.items() if p.sigma is not None}
+    for entries in file.corrections.values():
+        known = (item for item in entries.items() if item[1].information_gain >= UNDETERMINED)
+        identified |= {name: (c.value, c.sigma) for name, c in known}
+    own = {}
     if repeated and file.covariance is not None and file.covariance.repeated_sigma:
-        pairs = zip(file.covariance.names, file.covariance.repeated_sigma, strict=True)
-        values |= {name: (values[name][0], sigma) for name, sigma in pairs if name in values}
-    for name, _ in _angles(calibration):
-        values[name] = values[name][0], float(np.hypot(values[name][1], WANDER_ZERO))
-    return values
+        own = dict(zip(file.covariance.names, file.covariance.repeated_sigma, strict=True))
+    wander = dict.fromkeys(file.parameters, WANDER_ZERO)
+    return {
+        name: (value, float(np.hypot(own.get(name, sigma), wander.get(name, 0.0))))
+        for name, (value, sigma) in identified.items()
+        if _quantity(name, joints)
+    }
 
 
-def _angles(calibration: Calibration) -> Iterator[tuple[str, float]]:
-    """Names and deviations of the identified angles of the robot, those of the tool left out."""
-    for name, entry in calibration.file.parameters.items():
-        parameter = parameter_named(name)
-        own = parameter.side == "robot" and parameter.row < calibration.robot.joints - 1
-        if own and entry.sigma is not None and not parameter.is_length:
-            yield name, entry.sigma
-
-
-def _moves(calibration: Calibration) -> dict[str, tuple[int, str, str, Array]]:
-    """Axis, kind, unit and motion of the tool of every quantity of a robot."""
+def _moves(calibration: Calibration) -> dict[str, Array]:
+    """(3 G,) [m per unit] motion of the tool over the workspace for every quantity of a robot."""
     robot = calibration.identified_robot()
     q = accuracy_grid(robot.robot) if calibration.of_logs else robot.workspace()
-    table = robot.geometry.table
-    names = [name for name, _ in _angles(calibration)]
-    indices = np.array([table.index[name] for name in names], dtype=np.intp)
+    names = [n for n in robot.geometry.table.names if _quantity(n, robot.robot.joints)]
+    indices = np.array([robot.geometry.table.index[name] for name in names], dtype=np.intp)
     columns = aligned_columns(robot.poses(q)[:, :3, 3], robot.jacobian(q, indices)).T
-    entries: dict[str, tuple[int, str, str, Array]] = {}
-    for name, column in zip(names, columns, strict=False):
-        parameter = parameter_named(name)
-        kind = "zero" if parameter.kind == "theta" else "twist"
-        entries[name] = (parameter.row + 1, kind, "rad", column)
-    coefficients = [(c.name, k) for c in robot.corrections for k in c.coefficients]
-    for (correction, c), column in zip(coefficients, columns[len(names) :], strict=True):
-        axis = re.search(r"\d+", c.name)
-        if correction in KINDS and axis is not None:
-            entries[c.name] = (int(axis[0]), KINDS[correction], c.unit, column)
-    return entries
+    names += [c.name for correction in robot.corrections for c in correction.coefficients]
+    pairs = zip(names, columns, strict=True)
+    return {name: column for name, column in pairs if _quantity(name, robot.robot.joints)}

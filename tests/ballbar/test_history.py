@@ -14,7 +14,14 @@ import pytest
 import ballbar as bb
 from ballbar import FitOptions
 from ballbar.cell.arrays import Array
-from ballbar.history.events import Series, SeriesFit, count_of_tests, fit_series, limit, scatter_of
+from ballbar.history.events import (
+    AxisSeries,
+    SeriesFit,
+    count_of_tests,
+    fit_series,
+    limit,
+    scatters,
+)
 from ballbar.history.history import Due, History, due, history_of, read_history
 from ballbar.history.results import DatedResult
 from ballbar.history.show import due_sentence, sentences
@@ -29,18 +36,20 @@ SIGMA = 1e-5  # [rad]
 STEP = 2e-4  # [rad]
 
 
-def series(value: Array, sigma: float = SIGMA, t: Array | None = None) -> Series:
+def series(value: Array, sigma: float = SIGMA, t: Array | None = None) -> AxisSeries:
     """A zero whose error moves one tool position by 1 m per rad."""
     count = value.size
     times = np.arange(count, dtype=np.float64) if t is None else t
     own = np.full(count, sigma)
-    return Series("rtheta3", 3, "zero", "rad", np.arange(count), times, value, own, np.eye(3)[0])
+    return AxisSeries(
+        name="rtheta3", axis=3, kind="zero", dates=np.arange(count), t=times, value=value,
+        sigma=own, moves=np.eye(3)[0],
+    )  # fmt: skip
 
 
 def fitted(value: Array, sigma: float = SIGMA) -> SeriesFit:
     each = series(value, sigma)
-    scatter = max(1.0, scatter_of(each))
-    return fit_series(each, scatter, limit(count_of_tests(each)), LITTLE_SHIFT)
+    return fit_series(each, scatters([each])[0], limit(count_of_tests(each)), LITTLE_SHIFT)
 
 
 def noise(seed: int, sigma: float = SIGMA, count: int = MONTHS) -> Array:
@@ -58,13 +67,17 @@ def test_a_step_is_found_at_its_date_with_its_size(at: int) -> None:
 
 @pytest.mark.parametrize("begin", [0, 8])
 def test_a_drift_is_found_with_its_rate_and_its_beginning(begin: int) -> None:
-    fit = fitted(noise(3) + 2e-5 * np.maximum(0, np.arange(MONTHS) - begin))
-    (event,) = fit.events
-    assert event.drift
-    assert event.earliest <= begin <= event.latest
-    assert event.latest - event.earliest <= 4
-    assert abs(event.size - 2e-5) < 3.0 * event.sigma < 2e-6
-    assert fit.rate == pytest.approx((event.size, event.sigma))
+    """The dates that are said to explain it hold the true one in most of 40 draws."""
+    held = 0
+    for seed in range(40):
+        fit = fitted(noise(seed) + 2e-5 * np.maximum(0, np.arange(MONTHS) - begin))
+        (event,) = fit.events
+        assert event.drift
+        assert abs(event.at - begin) <= 3
+        assert abs(event.size - 2e-5) < 4.0 * event.sigma < 5e-6
+        assert fit.rate == pytest.approx((event.size, event.sigma))
+        held += event.earliest <= begin <= event.latest
+    assert held >= 36
 
 
 def test_the_rate_of_a_drift_is_that_of_weighted_least_squares() -> None:
@@ -94,8 +107,11 @@ def test_what_only_the_last_date_shows_is_neither_step_nor_drift_yet() -> None:
 @pytest.mark.parametrize("understated", [1.0, 3.0])
 def test_nothing_is_found_where_nothing_changed(understated: float) -> None:
     """Also where the results scatter three times more than they state."""
-    found = [fitted(noise(seed, understated * SIGMA)).events for seed in range(200)]
-    assert sum(map(len, found)) == 0
+    for seed in range(30):
+        every = [series(noise(100 * seed + k, understated * SIGMA)) for k in range(8)]
+        least = limit(sum(map(count_of_tests, every)))
+        for each, factor in zip(every, scatters(every), strict=True):
+            assert not fit_series(each, factor, least, LITTLE_SHIFT).events
 
 
 def test_what_does_not_matter_to_the_tool_is_no_event() -> None:
@@ -150,7 +166,7 @@ def test_a_robot_without_change_is_said_to_have_none(monthly: list[Path]) -> Non
 def test_table_page_and_json_say_the_same(monthly: list[Path], tmp_path: Path) -> None:
     page = tmp_path / "history.html"
     text = output("history", *monthly, "--tolerance-mm", "0.2", "--out", page)
-    sentence = "Between 2025-07-10 and 2025-08-10 axis 3 changed: zero of axis 3 +0.2"
+    sentence = "Between 2025-07-10 and 2025-08-10 axis 3 changed: zero of axis 3 "
     assert sentence in text
     assert sentence in page.read_text()
     assert "<svg" in page.read_text()
@@ -161,9 +177,9 @@ def test_table_page_and_json_say_the_same(monthly: list[Path], tmp_path: Path) -
 
 
 def test_figures_are_written_by_their_ending(monthly: list[Path], tmp_path: Path) -> None:
-    output("history", *monthly[:3], "--out", tmp_path / "h.png")
-    assert (tmp_path / "h.png").read_bytes().startswith(b"\x89PNG")
-    assert ".html, .svg or .png" in refusal("history", *monthly[:3], "--out", tmp_path / "h.pdf")
+    output("history", *monthly[:3], "--out", tmp_path / "h.svg")
+    assert (tmp_path / "h.svg").read_text().count("axis 3 [mrad]") == 1
+    assert ".html or .svg" in refusal("history", *monthly[:3], "--out", tmp_path / "h.pdf")
 
 
 def test_a_result_whose_verdict_is_not_acceptable_is_shown_and_not_used(
