@@ -5,14 +5,14 @@
 
 The PLC writes sample n (counted from 0) to slot n mod capacity, with n + 1 as its sequence number,
 and only then counts `written` up. `started` is the time of the PLC's first cycle. The Structured
-Text of both structures is in docs/recorder.md. Little-endian, as every TwinCAT target.
+Text of both structures is in docs/plc/ball_bar.st. Little-endian, as every TwinCAT target.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-RING = "GVL_BallBar.stRing"  # its variable in the PLC program of docs/recorder.md
+RING = "GVL_BallBar.stRing"  # its variable in the PLC program docs/plc/ball_bar.st
 LAYOUT = 0x31424244  # "DBB1" in memory
 HEADER = np.dtype(
     [

@@ -47,7 +47,7 @@ value of a dotted key, such as `seed=2`; repeatable, as everything with `...` be
 --show-completion` prints the script. `ballbar --version` prints the release and a digest of the
 code.
 
-Each command's `--help` says more.
+Each command's `--help` says more, with more examples.
 
 ## Fields of --json
 
@@ -56,18 +56,19 @@ code. `comparison`, `plant` and `limits` are null or empty for a real cell.
 
 |command|fields|
 |---|---|
-|`run`, `identify`|`acceptable`; `sentence`: the verdict; `folder`, `files`; `calibration`: content of [calibration.yaml](calibration_file.md); `plant`: largest loop-closure error `closure_position_m`, `closure_angle_rad`, and `rod_force_min_N`, `rod_force_max_N` (pull is positive), of still poses a sentence; `comparison`; `limits`: `what`, `measured`, `allowed`, `unit` (the only numbers not in SI), `met`|
-|`compare`|fields of `comparison`: `tcp_error`, `tcp_error_nominal`: `mean_m`, `max_m`, `mean_without_scale_m` over the workspace; `deviations`: estimated minus true of each parameter; `distance`: their Euclidean norm; `clock_offset_error_s`, `clock_skew_error`|
+|`run`, `identify`|`acceptable`; `sentence`; `folder`, `files`; `calibration`: [calibration.yaml](calibration_file.md); `plant`: largest loop-closure error `closure_position_m`, `closure_angle_rad`, and `rod_force_min_N`, `rod_force_max_N` (pull is positive), of still poses a sentence; `comparison`; `limits`: `what`, `measured`, `allowed`, `unit` (the only numbers not in SI), `met`|
+|`compare`|as `comparison`: `tcp_error`, `tcp_error_nominal`: `mean_m`, `max_m`, `mean_without_scale_m`; `deviations`: estimated minus true of each parameter; `distance`: their norm; `clock_offset_error_s`, `clock_skew_error`|
 |`simulate`|`recording`, `truth`: paths; `plant`; `limits`; of still poses `force_N` in place of `limits`|
-|`plan`|`acceptable`; `folder`, `files`; `plan`: content of plan.yaml|
-|`rehearse`|content of rehearsal.json: `acceptable`; `scenario`, `robot`, `measured_by`, `seed`, `speed`, `fault`; `wall_time_s`; `stages`: `name`, `sentence`, `met`, `wall_time_s`, `figures`; `limits`|
+|`plan`|`acceptable`; `folder`, `files`; `plan`: plan.yaml|
+|`rehearse`|rehearsal.json: `acceptable`; `scenario`, `robot`, `measured_by`, `seed`, `speed`, `fault`; `wall_time_s`; `stages`: `name`, `sentence`, `met`, `wall_time_s`, `figures`; `limits`|
 |`sweep`|`finished`; `runs`, `done`; `folder`; `table`, `csv`, `failed`, `commonest_failure`; `points`: `values`, `runs`, `failed`, `results` (`median`, `q95`) of the columns of [the table](sweeps.md)|
 |`claims`|of each file `title` and `claims`: `name`, `source`, `says`, `verdict`, `passed`, checks|
 |`check`, `new`|of each file what was read; findings, logs, coarse clock; `new` also `recording`|
-|`record`|`recording`; `sources`: counts, losses and events; `missing`; with `--identify` `identified`, the last line of `watch`, or `identification_ended`: why there is none|
+|`record`|`recording`; `sources`: counts, losses and events; `missing`; `identified`, the last line of `watch`, or `identification_ended`: why there is none|
 |`watch`|`recorded_s`; `rows` by source; `waiting`; `alarms`: `kind`, `sentence`, `raised` [s], `subject`; `verdict`, `model`, `identified_until_s`; `tcp_sigma_m`, `tcp_sigma_without_scale_m`, `tcp_sigma_end_m`; clock; `noise` [rad]; `sphere_covered`, `axes_covered` (0 to 1); `predicted`, `enough`|
 |`verify` of a recording|`holds`, `comparable` (false: cannot tell, exit code 2), `sentence`, `warnings`; `position_rms_m`, `angle_rms_rad`; `normalised_innovation`: residual over what noise and stated uncertainty explain; `chi2_per_dof_with_free_machine`; `log_bayes_factor` of a change, `limit`; `causes`: `kind`, `axis`, `parameters`, `size`, `sigma`, `log_bayes_factor`, `named`|
 |`verify` of still poses|`holds`, `comparable`, `sentence`, `warnings`; `poses`, `poses_outside_fitted_ranges`; `mean_error_m`, `expected_mean_error_m`, `largest_mean_error_m`; `sum_of_squares`, `degrees_of_freedom`, `limit`; `causes`: `kind`, `name`, `size`, `sigma`, `sum_of_squares_left`, `named`|
+|`performance`|`cube_side_m`, `cube_poses`: 4x4 matrices, or null; `characteristics`: `symbol`, `name`, `clause`, `place`, `unit`, `cycles`, and of `nominal`, `identified`, `corrected` each `origin` (measured, predicted, not stated), `value`, `low`, `high`, `reason`; `notes`|
 |`correct` of a program|`files`; `targets`: `file`, `name`, `line`, `position_error_m`, `angle_error_rad`, `axis_correction_rad`, `left_in_the_model_m`; `notes`|
 |`correct` of a table|`file`, `targets`, `included`, `warnings`, `predicted_position_error_m`, `predicted_angle_error_rad` (`mean`, `max`), `left_in_the_model_m`, `largest_axis_correction_rad`|
 |`list`|`robots`, `ballbars`, `instruments`, `plates`, `dialects`, `scenarios`: names and titles|
@@ -114,8 +115,8 @@ def _command(name: str, command: CommandInfo) -> Iterator[str]:
     rows = [row for _, _, row in parameters if row]
     if rows:
         yield "\n| |values (default)|meaning|\n|---|---|---|\n" + "".join(rows)
-    if command.epilog:
-        yield f"\n{command.epilog}\n"
+    if example := re.match(r"Example: `[^`]+`", command.epilog or ""):  # the first; --help has all
+        yield f"\n{example[0]}\n"
 
 
 def _parameters(function: Callable[..., Any]) -> Iterator[tuple[str, type, str]]:
@@ -164,11 +165,13 @@ def _values(hint: Any, info: ArgumentInfo | OptionInfo) -> str:
         return ", ".join(f"`{choice}`" for choice in get_args(kind))
     named = isinstance(info, OptionInfo) and info.metavar
     text = f"`{_text(info.metavar)}`" if named else _KINDS.get(kind, str(kind))
+    if isinstance(info, ArgumentInfo) and kind in (str, Path):  # its meaning says which
+        text = ""
     if info.min is not None and info.max is not None:
         text = f"{text} {info.min:g} to {info.max:g}"
     elif info.min is not None:
         text = f"{text} ≥ {info.min:g}"
-    return f"{text} ..." if many else text
+    return f"{text} ...".strip() if many else text
 
 
 def _text(words: str | None) -> str:

@@ -53,14 +53,16 @@ class SchemaPage:
     def _section(self, title: str, model: type[BaseModel]) -> str:
         """Heading, meaning and keys of a model; defaults in a file that people write."""
         kinds = {key: f"; of {mark.kind}" for key, mark in marks_of(model)}
-        items = "".join(
+        items = [
             self._item(field.alias or name, field, kinds.get(field.alias or name, ""))
             for name, field in model.model_fields.items()
-        )
-        return f"## {title}\n\n{first_paragraph(model)}\n\n{items}"
+        ]
+        listed = "\n".join(f"- {item}" for item in items)
+        keys = listed if self.written_by_people else ",\n".join(items)
+        return f"## {title}\n\n{first_paragraph(model)}\n\n{keys}\n"
 
     def _item(self, key: str, field: FieldInfo, kind: str) -> str:
-        """One key as an item of a list: default, values, kind of result and meaning."""
+        """One key: default, values, kind of result and meaning."""
         default = default_text(field) if self.written_by_people else "null"
         if default in ("required", "null") or models_in(field.annotation):
             kind = ", required" + kind if default == "required" else kind
@@ -68,10 +70,13 @@ class SchemaPage:
             key = f"{key}: {default}"
         meaning = f": {field.description}" if field.description else ""
         values = _values(field)
-        if not self.written_by_people:  # limits of what a program wrote tell a reader nothing
+        if not self.written_by_people:  # kinds and limits of what a program wrote say the obvious
             values = re.sub(r"\b(numbers?|integers?) (-?\d+ to \d+|[≥>] \d+)", r"\1", values)
-        plain = not self.written_by_people and values + kind == "number"
-        return f"- `{key}`{'' if plain else f' ({values}{kind})'}{meaning}\n"
+            values = re.sub(r"^(integer|true or false)$", "", values)
+        values = values.replace("integer 1 to 9999 or text", "name or number")  # of a column
+        values = re.sub(r"^(text$|number$|number (?=[^o]))", "", values)  # the key says which
+        about = re.sub(r"^[;,] ", "", f"{values}{kind}")
+        return f"`{key}`{f' ({about})' if about else ''}{meaning}"
 
 
 PAGES = (

@@ -21,7 +21,7 @@ _MEANING = {
     -1: "the connection was closed. Check the cable and TwinCAT",
     6: "nothing answers at that address. Is TwinCAT running, and this PC entered under its routes?",
     7: "not found. Is its net id right, and this PC entered under its routes?",
-    1808: "it has no such variable. Is the program of docs/recorder.md loaded?",
+    1808: "it has no such variable. Is docs/plc/ball_bar.st loaded?",
     1861: f"no answer within {TIMEOUT_MS / 1000:g} s. Is the PLC on, and its cable plugged in?",
 }
 

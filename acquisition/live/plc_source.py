@@ -113,8 +113,8 @@ class RingReader:
         )
         if layout != LAYOUT or capacity not in CAPACITIES:
             raise DeviceSilentError(
-                "the PLC's ring has another layout than that of docs/recorder.md, or its program "
-                "does not run yet. Load and start that program"
+                "the PLC's ring has another layout than that of docs/plc/ball_bar.st, or that "
+                "program does not run yet. Load and start it"
             )
         if not 0 < fitted < 32 or not 8 <= bits <= 13:
             what = f"fitted = {fitted}, bits = {bits}. Correct them in the PLC's program"

@@ -39,6 +39,7 @@ COMMANDS = {
         "compare": "comparison",
         "verify": "comparison",
         "history": "comparison",
+        "performance": "comparison",
         "export": "result",
         "correct": "result",
     },

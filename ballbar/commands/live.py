@@ -46,7 +46,7 @@ def record(
 ) -> None:
     """Record live: a TwinCAT PLC over ADS, ABB EGM, and logs that other programs write.
 
-    The PLC runs the program of docs/recorder.md and reads the encoders of a ball-bar. Of a tracker
+    The PLC runs docs/plc/ball_bar.st and reads the encoders of a ball-bar. Of a tracker
     that follows the robot, a sensed length, a force sensor or another robot, the rows are taken as
     they come into a file. The recording can be read at any moment. The command waits for the
     devices, starts a new file when one was disconnected, and ends with Ctrl-C. Exits with 1 when

@@ -27,6 +27,7 @@ from ballbar.ident.estimator.priors import belongs_to_recording, shared_names
 from ballbar.ident.result import RecordingEstimate, RobotEstimate
 from ballbar.ident.table_estimate import PlacementEstimate, TableEstimate
 from ballbar.ident.verdict import Verdict
+from ballbar.result.budget_entries import BudgetEntry
 from ballbar.result.calibration import Calibration, load
 from ballbar.result.calibration_schema import SCHEMA, CalibrationFile
 from ballbar.result.machine_entries import (
@@ -84,6 +85,7 @@ def calibration_of(data: RunData) -> CalibrationFile:
         seats={} if poses is None else _placements(poses.seats),
         targets={} if poses is None else _placements(poses.targets),
         measured_on=_last_day(data),
+        uncertainty_budget=_content(BudgetEntry, result.budget),
         **own,
     )
 

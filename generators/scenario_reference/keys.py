@@ -67,8 +67,9 @@ def default_text(field: FieldInfo) -> str:
 
 
 def values_text(field: FieldInfo) -> str:
-    """Kind and limits of the values, such as `number ≥ 0, < 0.5`, or `3 numbers -20 to 20`."""
+    """Kind and limits of the values, such as `number > 0, ≤ 1`, or `3 numbers -20 to 20`."""
     text = _kind(field.annotation) + _bounds(field.metadata)
+    text = re.sub(r" [≥>] 0$", "", text)  # a size is not negative, which goes without saying
     text = re.sub(r"^list of (.*) exactly (\d+)$", r"\2 \1", text)
     return re.sub(r"^list of (.*) (at least \d+)$", r"\2 \1", text)
 

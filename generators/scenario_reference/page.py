@@ -36,10 +36,11 @@ Every key of a scenario, with a picture for every error source. Written by
 `python -m generators.scenario_reference` from the schema that checks a scenario file and from the
 description files in `cell/`; do not edit.
 
-A key carries its unit in its name. Without a source beside it a default is assumed. An error source
-is absent unless a scenario names it: `errors: {joint_compliance: {}}` switches one on at its
-default size. What does not fit is refused with the file's line. `extends` and `--set`: [Vary and
-reuse files](how_to/run_a_sweep.md#set-a-value-or-extend-a-file).
+A key carries its unit in its name. Sizes are not negative, and some not 0. Without a source beside
+it a default is assumed. An error source is absent unless a scenario names it:
+`errors: {joint_compliance: {}}` switches one on at its default size. What does not fit is refused
+with the file's line. `extends` and `--set`: [Vary and reuse
+files](how_to/run_a_sweep.md#set-a-value-or-extend-a-file).
 
 What differs from unit to unit is drawn from the scenario's seed, each source from a stream of its
 own, so switching one on leaves all others bit-identical. z is a standard normal draw, phi a drawn
@@ -71,7 +72,7 @@ is refused, unless it states its default.
 
 - With `poses` only: {of_poses}.
 - With `path` and a ball-bar with encoders only: {of_ballbar}.
-- With `path` only: {of_path}; of `accept` all but {limits}.
+- With `path` only: {of_path}, all other `errors` but {of_both}; of `accept` all but {limits}.
 """
 
 
@@ -82,8 +83,15 @@ def page_text() -> str:
 
 def _still_poses() -> str:
     """Which keys belong to a robot that stands still, and which to one that moves."""
-    of_path = [key for key in (*OF_PATH, "identify") if key not in OF_BALLBAR]
-    names = {"of_poses": OF_POSES, "of_path": of_path, "of_ballbar": OF_BALLBAR}
+    of_path = [key for key in (*OF_PATH, "identify") if not key.startswith("errors.")]
+    errors = [f"errors.{name}" for name in models_in(field_at("errors").annotation)[0].model_fields]
+    of_both = [key for key in errors if key not in (*OF_PATH, *OF_POSES)]
+    names = {
+        "of_poses": OF_POSES,
+        "of_path": [key for key in of_path if key not in OF_BALLBAR],
+        "of_both": of_both,
+        "of_ballbar": OF_BALLBAR,
+    }
     listed = {k: ", ".join(f"`{key}`" for key in keys) for k, keys in names.items()}
     return POSES_HEAD.format(**listed, limits=", ".join(f"`{key}`" for key in OF_EVERY_RUN))
 
@@ -114,7 +122,7 @@ def _without_picture(section: str, model: type[BaseModel]) -> Iterator[str]:
 
 
 def _many(field: FieldInfo) -> str:
-    return " A list." if values_text(field).startswith("list of") else ""
+    return " A list." if values_text(field).startswith(("list of", "at least")) else ""
 
 
 def _pictures(section: str) -> Iterator[str]:
@@ -161,7 +169,7 @@ def _machine(source: Source) -> str:
 
 
 def _numbers(values: ArrayLike) -> str:
-    return ", ".join(
-        value_text(float(f"{value:.3g}")).removesuffix(".0")
-        for value in np.atleast_1d(np.asarray(values, dtype=float))
-    )
+    """One value, or the first and the last: the description file has those between."""
+    every = np.atleast_1d(np.asarray(values, dtype=float))
+    ends = every[[0, -1]] if len(every) > 1 else every
+    return " to ".join(value_text(float(f"{value:.3g}")).removesuffix(".0") for value in ends)

@@ -1,4 +1,4 @@
-"""A PLC on this machine: the program of docs/recorder.md behind the ADS test server of pyads.
+"""A PLC on this machine: docs/plc/ball_bar.st behind the ADS test server of pyads.
 
 The server answers reads by byte offset, as TwinCAT does. Samples come from a program, which says
 how many there are by an instant and what is in them.
@@ -25,7 +25,7 @@ from ballbar.sim.live.device_logs import WORD, TextLog
 GROUP, OFFSET = 0x4040, 4096  # where TwinCAT keeps data of a PLC
 STARTED = 848_000_000_000_000_000  # [ns] DC time of the first cycle, in November 2026
 CAPACITY = 4096
-BITS = 12  # of an EL5021's interpolation, as docs/recorder.md sets it
+BITS = 12  # of an EL5021's interpolation, as docs/plc/ball_bar.st has it
 CYCLE = 1e-3  # [s]
 
 

@@ -567,13 +567,13 @@ def test_the_live_view_shows_angles_and_faults_on_one_timeline(tmp_path: Path) -
     assert np.allclose(np.diff(times), 10e6, atol=1e3)  # 10 ms, to the microsecond
 
 
-DOCUMENT = ROOT / "docs" / "recorder.md"
+PROGRAM = ROOT / "docs" / "plc" / "ball_bar.st"
 SIZES = {"ULINT": "<u8", "UDINT": "<u4", "UINT": "<u2"}
 
 
 def structure(name: str) -> np.dtype[np.void]:
     """A structure of the Structured Text listing, members aligned as TwinCAT does it."""
-    listing = DOCUMENT.read_text()
+    listing = PROGRAM.read_text()
     body = re.search(rf"TYPE ST_{name} :\nSTRUCT\n(.*?)END_STRUCT", listing, re.DOTALL)
     assert body
     members: list[tuple[str, object, int]] = []
@@ -604,9 +604,9 @@ def test_the_listing_for_the_plc_has_the_layout_that_the_recorder_reads() -> Non
         (name, HEADER.fields[name][0].str, HEADER.fields[name][1]) for name in HEADER.names
     ]
     assert ring.fields["sample"][1] == HEADER.itemsize
-    assert f"nLayout := 16#{LAYOUT:X};" in DOCUMENT.read_text()
-    assert f"CAPACITY : UDINT := {ring.fields['sample'][0].shape[0]};" in DOCUMENT.read_text()
-    assert "stRing : ST_BallBarRing;" in DOCUMENT.read_text()
+    assert f"nLayout := 16#{LAYOUT:X};" in PROGRAM.read_text()
+    assert f"CAPACITY : UDINT := {ring.fields['sample'][0].shape[0]};" in PROGRAM.read_text()
+    assert "stRing : ST_BallBarRing;" in PROGRAM.read_text()
     assert RING == "GVL_BallBar.stRing"
 
 

@@ -141,9 +141,10 @@ def test_limits_and_choices_are_those_of_the_schema(page: str) -> None:
         "|`path.duration_s`|`required`|> 0, ≤ 3600|",
         "|`cell.ballbar_position_m`|`null`|3 numbers -20 to 20|",
         "|`identify.corrections`|`null`|at least 1 texts|",
+        "|`noise_N`|`1.0`||",
         "|`identify.cost`|`ml`|`ml`, `length`,",
         "|list of integers 1 to 5|",
-        "|`scale`|`1.0`|> 0|Factor on the stiffness",
+        "|`scale`|`1.0`||Factor on the stiffness",
         "|`delay_s`|`required`|-1 to 1|",
     ):
         assert words in page, words

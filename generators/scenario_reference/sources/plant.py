@@ -52,7 +52,10 @@ GEARS = (
         "`delta(g) = sum A_k sin(n_k g + phi_k)`; the motor shows `g - delta(g)`.",
         "robot file, below 1 arcmin peak to peak.",
         gear_plot({"": error("transmission_error")}, window=(3.0, 9.0), points=450),
-        of_machine=("rad, axis 1", lambda cell: [a for _, a in cell.robot.gears.harmonics[0]]),
+        of_machine=(
+            "rad, axis 1, first and last order",
+            lambda cell: [a for _, a in cell.robot.gears.harmonics[0]],
+        ),
     ),
     Source(
         "errors.cycloid_ripple",
