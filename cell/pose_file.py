@@ -20,6 +20,7 @@ from ballbar.cell.poses import KnownDistance
 from ballbar.cell.schema import Day, Positive, Strict
 from ballbar.cell.schema_errors import nearest, wrong_key
 from ballbar.cell.strict_yaml import load_model
+from ballbar.cell.temperature import Temperatures
 
 Column = Annotated[int, Field(ge=1, le=9999)] | str  # name in the header, or number from 1
 
@@ -227,7 +228,7 @@ def known_distances(
     return tuple(out)
 
 
-class PosesFile(Strict):
+class PosesFile(Temperatures):
     """Still poses of one robot."""
 
     schema_: Annotated[Literal["ballbar-poses/1"], Field(alias="schema")]

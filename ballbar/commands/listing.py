@@ -42,6 +42,7 @@ COMMANDS = {
         "performance": "comparison",
         "export": "result",
         "correct": "result",
+        "certificate": "certificate",
     },
     TEST_BENCH: {
         "list": "shipped",

@@ -60,6 +60,7 @@ from ballbar.result.recording_entries import (
     RecordingEntry,
     marks_of,
 )
+from ballbar.result.temperature_entries import TemperatureEntry
 
 SCHEMA: Final = "ballbar-calibration/2"
 
@@ -107,6 +108,7 @@ class CalibrationFile(Strict):
     recordings: Annotated[tuple[AnyRecording, ...], Field(min_length=1)]
     cross_validation: OfPoses[CrossValidationEntry] = None
     fit: FitEntry
+    temperature: TemperatureEntry | None = None  # absent where it was not stated
     uncertainty_budget: BudgetEntry | None = None  # older files do not state it
     held_out: tuple[AnyHeldOut, ...] = ()
     # last day of measurement; absent where neither stamps nor descriptions of the recordings say it

@@ -54,6 +54,7 @@ from ballbar.result.recording_entries import (
     ResidualEntry,
 )
 from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.temperature_entries import growth_entries, temperature_entry
 
 _UNIT = re.compile(r"_(?:m|rad|s)$")
 E = TypeVar("E", bound=Strict)
@@ -85,6 +86,7 @@ def calibration_of(data: RunData) -> CalibrationFile:
         seats={} if poses is None else _placements(poses.seats),
         targets={} if poses is None else _placements(poses.targets),
         measured_on=_last_day(data),
+        temperature=temperature_entry(data),
         uncertainty_budget=_content(BudgetEntry, result.budget),
         **own,
     )
@@ -284,6 +286,7 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
         ),
         residuals=_residuals(estimate),
         temperature_C=fitted.recording.description.temperature_C,
+        growth=growth_entries(estimate.growth),
     )
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import ParameterTable, parameter_named
 from ballbar.cell.statistics import rms
 from ballbar.ident.estimator.fit import Fit
@@ -55,6 +56,7 @@ class BudgetSource:
 
 SOURCES: dict[str, BudgetSource] = {
     "plate": BudgetSource("plate: length by its file, which is the scale", "m"),
+    "temperature": BudgetSource("temperature: growth of the plate from 20 degC", "m"),
     "rod": BudgetSource("rod: length by its file", "m"),
     "axes": BudgetSource("axes of the instrument: offsets and squareness", MIXED),
     "distance": BudgetSource("known distances between seats", "m"),
@@ -149,6 +151,7 @@ def budget(
     for name, squares, size in inputs:
         variances[name] = variances.get(name, 0.0) + squares.reshape(-1, 3).sum(axis=1)
         sizes.setdefault(name, []).append(size)
+    _split_by_heat(robot, variances, sizes)
     left = sigma**2 - sum(variances.values())
     variances[UNMODELLED], sizes[UNMODELLED] = left, [float(np.sqrt(np.abs(left.mean())))]
     sentences = {c.name: c.sentence for c in fit.model.corrections}
@@ -173,6 +176,20 @@ def budget(
         coverage_factor=factor,
         exact=exact,
     )
+
+
+def _split_by_heat(
+    robot: IdentifiedRobot, variances: dict[str, Array], sizes: dict[str, list[float]]
+) -> None:
+    """Gives the plate's length by its file and its growth rows of their own; in place."""
+    plate = robot.description.plate if isinstance(robot.description, Cell) else None
+    if plate is None or not plate.thermal_sigma or "plate" not in variances:
+        return
+    share = (plate.thermal_sigma / plate.length_sigma) ** 2
+    whole = variances["plate"]
+    variances |= {"temperature": share * whole, "plate": (1.0 - share) * whole}
+    sizes["temperature"] = [plate.thermal_sigma]
+    sizes["plate"] = [plate.length_sigma * float(np.sqrt(1.0 - share))]
 
 
 def row_of(fit: Fit, source: str) -> str:

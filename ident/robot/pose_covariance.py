@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 from ballbar.cell.chain import joint_screws
 from ballbar.cell.placement import Placement
+from ballbar.cell.statistics import covariance_root
 from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
@@ -60,6 +61,21 @@ class PoseCovariance:
         """(3G, U) [m] error of the target at `poses` per unit of each unknown, from the seat."""
         moves = self.jacobian(robot)(self.poses(robot))
         return np.asarray(moves.transpose(2, 1, 0).reshape(-1, len(moves)))
+
+    def draws(self, robot: IdentifiedRobot, count: int, rng: np.random.Generator) -> Array:
+        """(D, G, 3) [m] draws of the target's error at `poses`.
+
+        Errors that the model leaves unexplained are drawn for each pose.
+        """
+        unknowns = covariance_root(self.values) @ rng.standard_normal((len(self.values), count))
+        errors = (self.columns(robot) @ unknowns).T.reshape(count, -1, 3)
+        left = np.sqrt(max(0.0, self.discrepancy**2 - self.white**2))
+        errors += left * rng.standard_normal(errors.shape)
+        if self.joint_sigma:
+            screws = joint_screws(robot.frames(self.poses(robot)))[: robot.robot.joints, :3]
+            turns = self.joint_sigma * rng.standard_normal((count, *screws.shape[::2]))
+            errors += np.einsum("jcn,djn->dnc", screws, turns)
+        return np.asarray(errors)
 
     def jacobian(self, robot: IdentifiedRobot) -> Callable[[Array], Array]:
         """Function of q (N, J) [rad] that gives (U, 3, N) change of the target, seen from the seat

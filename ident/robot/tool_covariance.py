@@ -18,6 +18,7 @@ import numpy as np
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.payload import TOOL, with_deviations
+from ballbar.cell.statistics import covariance_root
 from ballbar.ident.robot.accuracy import accuracy_grid, aligned_columns
 from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
@@ -53,6 +54,11 @@ class ToolCovariance:
         """(3G, U) [m] error of the tool at `poses` per unit of each unknown, base aligned."""
         grid = self.poses(robot)
         return aligned_columns(robot.poses(grid)[:, :3, 3], _moves(robot, self, grid))
+
+    def draws(self, robot: IdentifiedRobot, count: int, rng: np.random.Generator) -> Array:
+        """(D, G, 3) [m] draws of the tool's error at `poses`, base aligned."""
+        unknowns = covariance_root(self.values) @ rng.standard_normal((len(self.values), count))
+        return np.asarray((self.columns(robot) @ unknowns).T.reshape(count, -1, 3))
 
     @property
     def of_names(self) -> Array:
