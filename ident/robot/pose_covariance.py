@@ -36,6 +36,11 @@ class PoseCovariance:
 
     inside_only: ClassVar[bool] = True
 
+    @property
+    def left_over(self) -> float:
+        """[m] error of a pose along each axis, white noise of what followed the robot taken off."""
+        return float(np.sqrt(max(0.0, self.discrepancy**2 - self.white**2)))
+
     def of(self, robot: IdentifiedRobot) -> Callable[[Array], PositionUncertainty]:
         """Uncertainty of the target's position as a function of q (N, J) [rad]."""
         jacobian = self.jacobian(robot)
@@ -43,8 +48,7 @@ class PoseCovariance:
         def uncertainty(q: Array) -> PositionUncertainty:
             moves, covered = jacobian(q), robot.covered(q)
             half = np.einsum("pq,qcn->pcn", self.values, moves)
-            left = max(0.0, self.discrepancy**2 - self.white**2)
-            result = np.einsum("pcn,pdn->ncd", moves, half) + left * np.eye(3)
+            result = np.einsum("pcn,pdn->ncd", moves, half) + self.left_over**2 * np.eye(3)
             if self.joint_sigma:
                 screws = joint_screws(robot.frames(q))[: robot.robot.joints, :3]
                 result += self.joint_sigma**2 * np.einsum("jcn,jdn->ncd", screws, screws)
