@@ -93,7 +93,7 @@ def _refuse_mirrored(fitted: Bundle, corners: Corners) -> None:
     if behind[fitted.used].mean() > 0.5:
         raise LogError(
             f"{corners.file}: the corners are those of a mirror image: the back of board "
-            f"{corners.board.name} would be seen. Switch off mirroring in the camera's software, or "
+            f"{corners.board.name} would be seen. Switch off the camera's mirroring, or "
             "number the corners from the left to the right, row by row from the top."
         )
 
