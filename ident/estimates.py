@@ -37,6 +37,7 @@ from ballbar.ident.physical_bounds import impossible
 from ballbar.ident.recording_fit import RecordingFit, nominal_robot_fit
 from ballbar.ident.remarks import (
     change_remarks,
+    growth_of_links,
     joint_error_remark,
     lag_remark,
     loaded_otherwise,
@@ -261,6 +262,7 @@ def _recording(
         tension=fit.model.tension(fit.x, k) if source else None,
         tension_source=source,
         tracker=tracker,
+        growth=growth_of_links(fit, stated.covariance, k),
     )
 
 

@@ -8,7 +8,7 @@ seats and targets with the still poses, which may stand alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -175,6 +175,8 @@ class RecordingEstimate:
     tension: Array | None = None  # (N,) [N] of the rod at the samples, where loads were needed
     tension_source: str = ""  # as of Logs.force_source; empty where no loads were needed
     tracker: TrackerCheck | None = None  # None without a tracker, or where it cannot be compared
+    # [m] growth of each long link while it lasted, and its standard deviation
+    growth: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def samples(self) -> int:
