@@ -1,7 +1,8 @@
 """Drawn pictures of a board: a lens, blur, noise and light, with corners known exactly.
 
-Each pixel is the mean of points of the board's plane at which its parts look, so that edges are
-where the lens images them, to a hundredth of a pixel.
+Each pixel is the mean of points of the board's plane at which it looks. Their lattice (Niederreiter
+1992, sec. 5.1) has no two points in a row or column of the pixel, so that edges are where the lens
+images them, to some hundredths of a pixel in any direction.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from ballbar.cell.board_pattern import Pattern
 from ballbar.cell.camera import Lens
 from ballbar.cell.placement import Placement
 
-_PARTS = 3  # of a pixel, along each axis
+_POINTS, _STEP = 13, 8  # of the lattice in a pixel
 _SPACING = 8  # [px] between points at which the lens is inverted; between them it is smooth
 _MARGIN = 0.5  # squares of white paper round the squares
 _WHITE, _BLACK, _TABLE = 215.0, 35.0, 120.0  # grey levels
@@ -48,9 +49,7 @@ def draw(
     grey = np.full((height, width), _TABLE)
     columns, rows = _window(pattern, lens, size, board)
     if columns.size and rows.size:
-        grey[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = _patch(
-            pattern, _tangents(lens, columns, rows), board
-        )
+        grey[np.ix_(rows, columns)] = _seen(pattern, lens, columns, rows, board)
     side = np.linspace(-1.0, 1.0, width)
     grey *= 1.0 + 0.5 * _SHADE * side
     out = gaussian_filter(grey, exposure.blur, mode="nearest") if exposure.blur else grey
@@ -79,22 +78,33 @@ def _window(
     )
 
 
-def _tangents(lens: Lens, columns: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:
-    """(h * _PARTS, w * _PARTS, 2) x / z and y / z of the lines of sight of the pixels' parts."""
+def _seen(
+    pattern: Pattern,
+    lens: Lens,
+    columns: NDArray[np.intp],
+    rows: NDArray[np.intp],
+    board: Placement,
+) -> Array:
+    """(h, w) grey levels of pixels, each the mean over the points of a lattice in it."""
     coarse = [np.arange(part[0] - 1, part[-1] + _SPACING + 2, _SPACING) for part in (columns, rows)]
     grid = np.stack(np.meshgrid(*(part.astype(float) for part in coarse)), axis=-1)
     known = lens.tangents(grid)
-    within = (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
-    fine = [(part[:, None] + within).ravel() for part in (columns, rows)]
-    at = [(part - begin[0]) / _SPACING for part, begin in zip(fine, coarse, strict=True)]
-    where = np.stack(np.meshgrid(at[1], at[0], indexing="ij"))
-    return np.stack([map_coordinates(known[..., k], where, order=3) for k in (0, 1)], axis=-1)
-
-
-def _patch(pattern: Pattern, tangents: Array, board: Placement) -> Array:
-    """(h, w) grey levels, each the mean of the parts of a pixel."""
     to_plane = np.linalg.inv(np.column_stack((board.rotation[:, :2], board.origin)))
-    ray = np.concatenate((tangents, np.ones((*tangents.shape[:2], 1))), axis=-1) @ to_plane.T
+    total = np.zeros((rows.size, columns.size))
+    for k in range(_POINTS):
+        within = (np.array([k, k * _STEP % _POINTS]) + 0.5) / _POINTS - 0.5
+        at = [
+            (part + shift - begin[0]) / _SPACING
+            for part, shift, begin in zip((columns, rows), within, coarse, strict=True)
+        ]
+        where = np.stack(np.meshgrid(at[1], at[0], indexing="ij"))
+        tangents = [map_coordinates(known[..., i], where, order=3) for i in (0, 1)]
+        total += _grey(pattern, np.stack((*tangents, np.ones_like(total)), axis=-1) @ to_plane.T)
+    return total / _POINTS
+
+
+def _grey(pattern: Pattern, ray: Array) -> Array:
+    """Grey levels where lines of sight (..., 3), in terms of the plane's axes and origin, end."""
     x, y = (ray[..., k] / ray[..., 2] for k in (0, 1))
     nx, ny = pattern.squares
     edge = _MARGIN * pattern.square
@@ -102,5 +112,4 @@ def _patch(pattern: Pattern, tangents: Array, board: Placement) -> Array:
     paper &= (y > -edge) & (y < ny * pattern.square + edge)
     grey = np.where(paper, _WHITE, _TABLE)
     grey[pattern.dark(x, y)] = _BLACK
-    h, w = (side // _PARTS for side in grey.shape)
-    return np.asarray(grey.reshape(h, _PARTS, w, _PARTS).mean(axis=(1, 3)))
+    return grey

@@ -178,7 +178,7 @@ def _compared(pictures: Sequence[Picture]) -> list[Picture]:
     for p in pictures:
         why = p.unused
         if p.size != usual:
-            why = f"{p.size[0]} x {p.size[1]} pixels, the others {usual[0]} x {usual[1]}"
+            why = f"{p.size[0]} x {p.size[1]} px, others {usual[0]} x {usual[1]}"
         elif (same := first.setdefault(p.digest, p.name)) != p.name:
             why = f"the same picture as {same}"
         elif why == "no board seen" and p.sharpness < _BLUR * sharp:

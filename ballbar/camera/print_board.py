@@ -72,10 +72,10 @@ def _described(
             "kind": kind,
             "squares_x": squares[0],
             "squares_y": squares[1],
-            "square_m": side / MM,
-            "marker_m": round(_MARKER * side, 1) / MM if marked else None,
+            "square_m": round(side / MM, 7),
+            "marker_m": round(_MARKER * side / MM, 4) if marked else None,
             "dictionary": f"DICT_4X4_{size}" if marked else None,
-            "sigma_m": _SCALE * side / MM,
+            "sigma_m": round(_SCALE * side / MM, 6),
         }
     )
 
@@ -84,7 +84,7 @@ def _text(board: BoardFile) -> str:
     """The description, with what has to be measured."""
     side, (nx, ny) = board.square_m or 0.0, Pattern(board).squares
     row = side * nx
-    markers = "" if board.marker_m is None else f"marker_m: {board.marker_m:.6g}\n"
+    markers = "" if board.marker_m is None else f"marker_m: {board.marker_m:.7g}\n"
     dictionary = "" if board.dictionary is None else f"dictionary: {board.dictionary}\n"
     return f"""\
 # Fix the print flat on a stiff plate. Measure a whole row of {nx} squares, here {row * MM:g} mm,
@@ -94,8 +94,8 @@ schema: ballbar-board/1
 kind: {board.kind}
 squares_x: {nx}
 squares_y: {ny}
-square_m: {side:.6g}
-{markers}{dictionary}sigma_m: {board.sigma_m:.2g}  # of a printer, unmeasured
+square_m: {side:.7g}
+{markers}{dictionary}sigma_m: {board.sigma_m:.3g}  # of a printer, unmeasured
 """
 
 
