@@ -11,7 +11,7 @@ remains is the uncertainty without scale: the scale is what plate, rod or sensor
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -33,6 +33,9 @@ class ToolCovariance:
     masses: Array
     values: Array  # (U, U) [SI] of the named unknowns, of `held`, and of the directions' sizes
     held: tuple[str, ...] = ()  # (H,) parameters of the instrument that the fit took as exact
+    # (P,) [SI] standard deviation of a repetition of each named unknown, of the noise of the data
+    # alone: what priors, lengths and masses are off by is the same again. Empty if not stated
+    repeated: Array = field(default_factory=lambda: np.zeros(0))
 
     # All that is stated is in the covariance, inside and outside the fitted ranges
     discrepancy: ClassVar[float] = 0.0
