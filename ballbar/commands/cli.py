@@ -63,7 +63,7 @@ Version = Annotated[
 
 @app.callback()
 def shared(quiet: Quiet = False, verbose: Verbose = False, version: Version = False) -> None:
-    """Robot calibration with a ball-bar, draw-wire, laser tracker or sockets.
+    """Robot calibration with a ball-bar, draw-wire, laser tracker, camera or sockets.
 
     Simulate the cell, read its logs, identify the robot and look at the result.
     """
