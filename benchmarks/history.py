@@ -55,7 +55,7 @@ Change = Callable[[str, int], float]
 
 @dataclass(frozen=True)
 class Made:
-    """What is done to a robot."""
+    """A change of a robot, with its axis and month."""
 
     kind: str
     axis: int
@@ -90,7 +90,7 @@ def made(kind: str, rng: np.random.Generator) -> Made:
 
 
 def row(kind: str, seed: int, true: Made, history: History) -> dict[str, object]:
-    """Whether the change was named, and what else."""
+    """The row of a history: whether its change was named, and how many findings are others."""
     sought = {"crash": "collision"}.get(true.kind, true.kind)
     right = [f for f in history.findings if f.axes == (true.axis,) and f.kind == sought]
     named = [f for f in right if f.begin <= day_of(true.month) <= f.end]
