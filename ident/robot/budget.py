@@ -11,7 +11,7 @@ ballbar.ident.robot.coverage.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -38,7 +38,7 @@ from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.pose_covariance import PoseCovariance
 from ballbar.ident.robot.tool_covariance import ToolCovariance
 
-UNMODELLED, LEFT_OUT = "unmodelled", "left_out"
+UNMODELLED, LEFT_OUT, LEFT_OUT_TERMS, DOUBT = "unmodelled", "left_out", "left_out_terms", "doubt"
 _DRAWS_SEED = 101  # the same for everyone
 MIXED = "1"  # unit of inputs of different units: their standard uncertainties
 
@@ -83,7 +83,9 @@ SOURCES: dict[str, BudgetSource] = {
     "placement": BudgetSource("place and clock of the instrument (prior)", MIXED),
     "rounding": BudgetSource("rounding of counts and times", "m", "B", "rectangular"),
     LEFT_OUT: BudgetSource("poses left out of the fit: errors along each axis", "m", "A", "t"),
-    UNMODELLED: BudgetSource("unmodelled part: misfit, ripple, what was left out", "m", "A", "t"),
+    LEFT_OUT_TERMS: BudgetSource("terms and ripple that the data do not rule out", MIXED, "A"),
+    DOUBT: BudgetSource("lengths and priors that contradict the data", MIXED, "A"),
+    UNMODELLED: BudgetSource("unmodelled part: residuals that are no white noise", "m", "A", "t"),
 }
 
 
@@ -134,12 +136,14 @@ def budget(
     unknowns: NDArray[np.intp],
     *,
     blocks: int,
+    beyond: Mapping[str, Array] | None = None,
     rng: np.random.Generator | None = None,
 ) -> Budget:
     """The budget of a fit's tool.
 
     sigma : (G,) [m] stated over the workspace. unknowns : (U,) of the fit, which are the first ones
     of the covariance that `robot` states. blocks : of time or space that show the unmodelled part.
+    beyond : (U, K) shifts of theirs that the stated covariance counts besides, by row.
     rng : of the draws; the same for everyone if not given.
     """
     stated = stated_of(robot)
@@ -150,6 +154,9 @@ def budget(
         (part.row, ((moves @ part.covariance) * moves).sum(axis=1), part.size)
         for part in variance_parts(fit, unknowns[seen], partial(row_of, fit))
     ]
+    for name, shifts in (beyond or {}).items():
+        if shifts.any():
+            inputs.append((name, ((columns[:, : len(unknowns)] @ shifts) ** 2).sum(axis=1), 1.0))
     for name, root, size in _beside(robot, len(unknowns)):
         inputs.append((name, ((columns @ root) ** 2).sum(axis=1), size))
     if isinstance(stated, PoseCovariance):
