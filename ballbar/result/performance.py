@@ -17,6 +17,7 @@ from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import geometry_of_chain, parameter_table
 from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.ident.performance.characteristics import ROBOTS, Characteristic, Performance, merged
 from ballbar.ident.performance.cube import fitting_cube
 from ballbar.ident.performance.measured import Circle, lengths_beside, measure
@@ -73,7 +74,8 @@ def performance(
     stated = merged(rows, predict(robots, cube))
     if cube is None:
         return Performance(stated, tuple(notes), tuple(circles))
-    return Performance(stated, tuple(notes), tuple(circles), cube.side, cube.poses)
+    axes = joints_to_axes(stored.robot, cube.q)
+    return Performance(stated, tuple(notes), tuple(circles), cube.side, cube.poses, axes)
 
 
 def robots_of(calibration: Calibration) -> RobotPair:
@@ -108,6 +110,9 @@ def performance_data(stated: Performance) -> dict[str, object]:
         | {robot: asdict(s) for robot, s in zip(ROBOTS, row.statements, strict=True)}
         for row in stated.rows
     ]
-    poses = None if stated.poses is None else stated.poses.tolist()
-    cube = {"cube_side_m": stated.side, "cube_poses": poses}
+    cube = {
+        "cube_side_m": stated.side,
+        "cube_poses": None if stated.poses is None else stated.poses.tolist(),
+        "cube_axes_rad": None if stated.axes is None else stated.axes.tolist(),
+    }
     return {**cube, "characteristics": rows, "notes": list(stated.notes)}
