@@ -39,6 +39,9 @@ from ballbar.ident.robot.pose_covariance import PoseCovariance
 from ballbar.ident.robot.tool_covariance import ToolCovariance
 
 UNMODELLED, LEFT_OUT, LEFT_OUT_TERMS, DOUBT = "unmodelled", "left_out", "left_out_terms", "doubt"
+NOTHING = 1e-18  # share of the variance below which a row is none
+MANY = 1e6  # degrees of freedom that count as infinite
+ROUNDING = 1e-12  # added to a correlation that may have lost a direction
 _DRAWS_SEED = 101  # the same for everyone
 MIXED = "1"  # unit of inputs of different units: their standard uncertainties
 
@@ -176,6 +179,7 @@ def budget(
         _row(name, variance, sizes[name], total, sentences, freedoms)
         for name, variance in variances.items()
     ]
+    rows = [row for row in rows if abs(row.share) > NOTHING or row.name == UNMODELLED]
     rows.sort(key=lambda row: -row.share)
     freedom = welch_satterthwaite(rows)
     rng = rng or np.random.default_rng(_DRAWS_SEED)
@@ -246,7 +250,9 @@ def _beside(robot: IdentifiedRobot, count: int) -> Iterator[tuple[str, Array, fl
         return
     values, held = stated.values, count + len(stated.held)
     if (known := np.arange(count, held)[np.diag(values)[count:held] > 0.0]).size:
-        root = np.linalg.cholesky(values[np.ix_(known, known)])
+        spread = np.sqrt(np.diag(values)[known])
+        share = values[np.ix_(known, known)] / np.outer(spread, spread)
+        root = spread[:, None] * np.linalg.cholesky(share + ROUNDING * np.eye(known.size))
         shifts = np.linalg.solve(root, values[known])
         for shift, i in zip(shifts, known, strict=True):
             name = _row_of_parameter(stated.held[i - count], robot.geometry.table)
@@ -288,4 +294,4 @@ def welch_satterthwaite(rows: Iterable[BudgetRow]) -> float | None:
     """Effective degrees of freedom of all rows (JCGM 100:2008, G.4.1); None where infinite."""
     counted = [row for row in rows if row.degrees_of_freedom is not None]
     squares = sum(row.share**2 / (row.degrees_of_freedom or 1.0) for row in counted)
-    return 1.0 / squares if squares else None
+    return 1.0 / squares if squares > 1.0 / MANY else None
