@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.board import SHAPE
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import ParameterTable, parameter_named
 from ballbar.cell.statistics import rms
@@ -80,6 +81,8 @@ SOURCES: dict[str, BudgetSource] = {
     "force": BudgetSource("force in the rod", MIXED),
     "masses": BudgetSource("masses of links and tool", MIXED),
     "robot": BudgetSource("robot: catalogue values (prior)", MIXED),
+    "lens": BudgetSource("lens of the camera, as its pictures show it", MIXED, "A"),
+    "board": BudgetSource("board: size and flatness by its file, which is the scale", MIXED),
     "placement": BudgetSource("place and clock of the instrument (prior)", MIXED),
     "rounding": BudgetSource("rounding of counts and times", "m", "B", "rectangular"),
     LEFT_OUT: BudgetSource("poses left out of the fit: errors along each axis", "m", "A", "t"),
@@ -223,6 +226,8 @@ def row_of(fit: Fit, source: str) -> str:
     if i < layout.coefficients.stop:
         owners = (c.name for c in fit.model.corrections for _ in c.coefficients)
         return next(islice(owners, i - layout.coefficients.start, None))
+    if any(part.start <= i < part.stop for part in layout.placed.common.values()):
+        return "board" if source.endswith(SHAPE) else "lens"
     return "force" if source.startswith(("force_gain", "tension")) else "placement"
 
 
