@@ -97,12 +97,12 @@ def normal_equations(
 
     ballbars : (N, 5) [rad] of each part, where its unmeasured joints start. weights : of each
     part, to be kept. previous : evaluations nearby (Model.evaluate). keep_blocks : whether the
-    Jacobian is kept, so that `at_trial` can reuse it. robust : as of NormalEquations.
+    Jacobian is weight, so that `at_trial` can reuse it. robust : as of NormalEquations.
     """
     each = zip(ballbars, weights or repeat(None), previous or repeat(None), strict=False)
     solved = [
-        model.solved(x, k, ballbar, excess, weights=kept, previous=near)
-        for k, (ballbar, kept, near) in enumerate(each)
+        model.solved(x, k, ballbar, excess, weights=weight, previous=point)
+        for k, (ballbar, weight, point) in enumerate(each)
     ]
     residuals = _residuals([p for p, _ in solved], [w for _, w in solved], robust)
     out = NormalEquations(
