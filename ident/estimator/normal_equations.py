@@ -97,7 +97,7 @@ def normal_equations(
 
     ballbars : (N, 5) [rad] of each part, where its unmeasured joints start. weights : of each
     part, to be kept. previous : evaluations nearby (Model.evaluate). keep_blocks : whether the
-    Jacobian is weight, so that `at_trial` can reuse it. robust : as of NormalEquations.
+    Jacobian is kept, so that `at_trial` can reuse it. robust : as of NormalEquations.
     """
     each = zip(ballbars, weights or repeat(None), previous or repeat(None), strict=False)
     solved = [
