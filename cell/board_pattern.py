@@ -1,4 +1,4 @@
-"""What is dark on a board: the squares of a checkerboard, and markers in the light ones.
+"""The dark parts of a board: the squares of a checkerboard, and markers in the light ones.
 
 Metres in the board's frame as of ballbar.cell.board: x along a row, y down a column. The first
 square is dark. Markers are those of OpenCV, which numbers them row by row (Garrido-Jurado et al.

@@ -25,23 +25,23 @@ IMAGE = "image"  # column of the pictures' names in both tables
 def write_corners(
     folder: Path, images: Sequence[Path], board: Path, joints: Path
 ) -> tuple[Picture, ...]:
-    """Writes the folder, and tells what became of each picture.
+    """Writes the folder, and reports what became of each picture.
 
     images : files, and folders of files. joints : table of the joint angles, whose column `image`
     names the picture of each row. Raises InputError where nothing could be used.
     """
     pattern = Pattern(load_board(board).file)
     known = _named(joints)
-    found = [_with_joints(p, known) for p in detect(_files(images), pattern)]
-    if not any(picture.used for picture in found):
-        reasons = ", ".join(dict.fromkeys(str(picture.unused) for picture in found))
-        raise InputError(f"none of {len(found)} pictures can be used: {reasons}.")
+    pictures = [_with_joints(p, known) for p in detect(_files(images), pattern)]
+    if not any(picture.used for picture in pictures):
+        reasons = ", ".join(dict.fromkeys(str(picture.unused) for picture in pictures))
+        raise InputError(f"none of {len(pictures)} pictures can be used: {reasons}.")
     with new_folder(folder) as aside:
-        (aside / CORNERS).write_bytes(_table(found))
-        (aside / SHEET).write_bytes(contact_sheet(found))
+        (aside / CORNERS).write_bytes(_table(pictures))
+        (aside / SHEET).write_bytes(contact_sheet(pictures))
         shutil.copyfile(board, aside / BOARD)
         shutil.copyfile(joints, aside / joints_name(joints))
-    return tuple(found)
+    return tuple(pictures)
 
 
 def joints_name(joints: Path) -> str:
@@ -75,12 +75,12 @@ def _with_joints(picture: Picture, known: set[str]) -> Picture:
     return picture
 
 
-def _table(found: Sequence[Picture]) -> bytes:
+def _table(pictures: Sequence[Picture]) -> bytes:
     """The corners of the pictures that are used, a row each."""
     buffer = io.StringIO(newline="")
     rows = csv.writer(buffer)
     rows.writerow((IMAGE, "corner", "u", "v"))
-    for picture in found:
+    for picture in pictures:
         if picture.used:
             for number, (u, v) in zip(picture.numbers, picture.pixels, strict=True):
                 rows.writerow((picture.name, int(number), f"{u:.4f}", f"{v:.4f}"))

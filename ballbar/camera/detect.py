@@ -32,7 +32,7 @@ _THUMBNAIL = 360  # [px] width
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What was found in one picture."""
+    """Corners of one picture, and why it is not used."""
 
     name: str
     size: tuple[int, int]  # [px] width and height
@@ -49,7 +49,7 @@ class Picture:
 
 
 def detect(files: Sequence[Path], pattern: Pattern) -> list[Picture]:
-    """What each picture shows, in their order. Raises InputError for a file that is no picture,
+    """Every picture with its corners, in their order. Raises InputError for a file that is no picture,
     for two of one name, and for a board whose corners cannot be numbered.
     """
     if pattern.turns:
@@ -64,12 +64,12 @@ def detect(files: Sequence[Path], pattern: Pattern) -> list[Picture]:
     if pattern.marker:
         assert pattern.charuco is not None  # made before the threads start
     with ThreadPoolExecutor(_THREADS) as threads:
-        found = list(threads.map(lambda file: _found(file, pattern), files))
-    return _compared(found)
+        pictures = list(threads.map(lambda file: _picture(file, pattern), files))
+    return _compared(pictures)
 
 
-def _found(file: Path, pattern: Pattern) -> Picture:
-    """What one picture shows."""
+def _picture(file: Path, pattern: Pattern) -> Picture:
+    """One picture with its corners."""
     content = np.fromfile(file, dtype=np.uint8)
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
     image = cv2.imdecode(content, flags) if content.size else None
@@ -104,8 +104,8 @@ def _corners(grey: Pixels, pattern: Pattern) -> tuple[NDArray[np.intp], Array]:
         corners, numbers, _, _ = detector.detectBoard(grey)
         if numbers is None or len(numbers) == 0:
             return np.zeros(0, dtype=np.intp), np.zeros((0, 2))
-        found = np.array(corners, dtype=float).reshape(-1, 2)
-        return _on_a_plane(np.array(numbers, dtype=np.intp).ravel(), found, pattern)
+        pixels = np.array(corners, dtype=float).reshape(-1, 2)
+        return _on_a_plane(np.array(numbers, dtype=np.intp).ravel(), pixels, pattern)
     nx, ny = pattern.squares[0] - 1, pattern.squares[1] - 1
     for thorough in (0, cv2.CALIB_CB_EXHAUSTIVE):  # many times slower, and rarely needed
         seen, corners = cv2.findChessboardCornersSB(grey, (nx, ny), flags=thorough)
@@ -127,8 +127,8 @@ def _on_a_plane(
         nx = pattern.squares[0] - 1
         places = np.stack((numbers % nx, numbers // nx), axis=1).astype(float)
         size = np.ptp(pixels, axis=0).max() / np.ptp(places, axis=0).max()  # [px] of a square
-        plane, near = cv2.findHomography(places, pixels, cv2.RANSAC, _PLANE * size)
-        if plane is not None and np.linalg.det(plane) > 0.0 and near.mean() > _MOST:
+        plane, inliers = cv2.findHomography(places, pixels, cv2.RANSAC, _PLANE * size)
+        if plane is not None and np.linalg.det(plane) > 0.0 and inliers.mean() > _MOST:
             return numbers, pixels
     return np.zeros(0, dtype=np.intp), np.zeros((0, 2))
 
@@ -139,8 +139,8 @@ def _refined(grey: Pixels, pixels: Array) -> Array:
     half = int(np.clip(_WINDOW * apart.min(), 2, _MAX_WINDOW))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 40, 1e-4)
     start = pixels.astype(np.float32).reshape(-1, 1, 2)
-    found = cv2.cornerSubPix(grey, start, (half, half), (-1, -1), criteria)
-    return np.asarray(found, dtype=float).reshape(-1, 2)
+    refined = cv2.cornerSubPix(grey, start, (half, half), (-1, -1), criteria)
+    return np.asarray(refined, dtype=float).reshape(-1, 2)
 
 
 def _from_the_first(grey: Pixels, grid: Array) -> Array:
@@ -157,10 +157,10 @@ def _from_the_first(grey: Pixels, grid: Array) -> Array:
     return grid if (sign * level).sum() < 0.0 else grid[::-1, ::-1]
 
 
-def _why_none(grey: Pixels, pattern: Pattern, found: int) -> str:
+def _why_none(grey: Pixels, pattern: Pattern, count: int) -> str:
     """Why a picture gives no pose."""
-    if found:
-        return f"only {found} corners seen, {FEWEST} are needed"
+    if count:
+        return f"only {count} corners seen, {FEWEST} are needed"
     if pattern.marker:
         mirrored = np.ascontiguousarray(grey[:, ::-1])
         if len(_corners(mirrored, pattern)[0]) >= FEWEST:

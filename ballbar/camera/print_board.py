@@ -36,7 +36,7 @@ def write_board(
     """Writes the PDF, and beside it the board's description, whose path it gives.
 
     square : [mm] side; the largest whole number that fits on the paper if None. Raises InputError
-    for a board that does not fit, or whose corners could not be told apart.
+    for a board that does not fit, or whose corners could not be numbered.
     """
     described = _described(kind, squares, square, paper)
     pattern = Pattern(described)
