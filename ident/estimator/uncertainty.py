@@ -64,7 +64,7 @@ from ballbar.ident.estimator.normal_equations import gradient_of, jacobian, norm
 from ballbar.ident.estimator.priors import beyond_priors, robot_unknowns
 from ballbar.ident.estimator.time_blocks import BLOCK, each_block
 from ballbar.ident.estimator.unknowns import Unknowns
-from ballbar.ident.estimator.unlisted_ripple import UnlistedRipple, unlisted_ripple
+from ballbar.ident.estimator.unlisted_ripple import RandomRipple, unlisted_ripple
 from ballbar.ident.loads.gear_loads import mass_model
 
 STRONG = 0.9  # correlation from which two unknowns are named together
@@ -176,7 +176,7 @@ def _left_out(fit: Fit) -> Array:
 
 
 def variance_by_blocks(
-    fit: Fit, length: float = BLOCK, *, ripple: UnlistedRipple | None = None
+    fit: Fit, length: float = BLOCK, *, ripple: RandomRipple | None = None
 ) -> tuple[Array, int]:
     """(P,) variance by leaving out each block of time in turn, and how many blocks there are.
 

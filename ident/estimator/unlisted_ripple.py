@@ -35,7 +35,7 @@ _LEAST = 1e-6  # of the largest eigenvalue: below, an amplitude is all taken ove
 
 
 @dataclass(frozen=True, eq=False)
-class UnlistedRipple:
+class RandomRipple:
     """Random ripple of all gears: what it may do to an estimate, and what it has done."""
 
     shifts: Array  # (P, K) of the unknowns, each of one standard deviation and independent
@@ -43,13 +43,13 @@ class UnlistedRipple:
     residuals: tuple[Array, ...]  # (E, N) of each part, without the likeliest ripple
 
 
-def unlisted_ripple(fit: Fit) -> UnlistedRipple:
+def unlisted_ripple(fit: Fit) -> RandomRipple:
     """The ripple that the residual of a fit asks for.
 
     None where its likelihood speaks for no such error, or the fit is one of kinematics alone.
     """
     none = np.zeros((fit.x.size, 0))
-    nothing = UnlistedRipple(none, np.zeros(fit.x.size), fit.linear.residuals)
+    nothing = RandomRipple(none, np.zeros(fit.x.size), fit.linear.residuals)
     if not fit.model.corrections:
         return nothing
     waves, mixed, score = _scores(fit)
@@ -63,7 +63,7 @@ def unlisted_ripple(fit: Fit) -> UnlistedRipple:
         return nothing
     amplitudes = directions @ (along / (size + 1.0 / ratio))
     root = directions * np.sqrt(noise / (size + 1.0 / ratio))
-    return UnlistedRipple(shifts @ root, -shifts @ amplitudes, _without(fit, amplitudes))
+    return RandomRipple(shifts @ root, -shifts @ amplitudes, _without(fit, amplitudes))
 
 
 def amplitude_variance(size: Array, along: Array) -> tuple[float, float]:
