@@ -117,11 +117,10 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     deviated : cells with masses beside those that the fit took as given, as for
         `considered_shifts`.
     """
-    layout, misfit = fit.model.unknowns, max(1.0, fit.chi2_per_dof)
-    sigma = layout.sigma
+    layout, ripple = fit.model.unknowns, unlisted_ripple(fit)
+    sigma, misfit = layout.sigma, max(1.0, fit.chi2_per_dof, ripple.noise)
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
-    ripple = unlisted_ripple(fit)
     variance, blocks = variance_by_blocks(fit, ripple=ripple)
     white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
     inflation = np.sqrt(np.maximum(1.0, variance / white))

@@ -18,7 +18,7 @@ generalised least squares, is the one of white noise less this, and errs by `-C 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from ballbar.ident.estimator.order_search import ORDERS
 # [rad] standard deviations of an amplitude that are tried: a gear errs by nine times as much
 SIZES = np.geomspace(1e-8, 1e-4, 81)
 EVIDENCE = 2.0  # logarithm of the likelihood's ratio that speaks for more than none
+COLOURED = 2.0  # variance of the scores, over white noise, of no sound robot: 0.7 to 1.7 found
 _LEAST = 1e-6  # of the largest eigenvalue: below, an amplitude is all taken over
 
 
@@ -41,6 +42,7 @@ class RandomRipple:
     shifts: Array  # (P, K) of the unknowns, each of one standard deviation and independent
     step: Array  # (P,) from the estimate to that of generalised least squares
     residuals: tuple[Array, ...]  # (E, N) of each part, without the likeliest ripple
+    noise: float = 1.0  # variance of the scores over that of white noise, where nothing else is it
 
 
 def unlisted_ripple(fit: Fit) -> RandomRipple:
@@ -60,7 +62,7 @@ def unlisted_ripple(fit: Fit) -> RandomRipple:
     along = directions.T @ score
     ratio, noise = amplitude_variance(size, along)
     if ratio == 0.0:
-        return nothing
+        return replace(nothing, noise=noise if noise > COLOURED else 1.0)
     amplitudes = directions @ (along / (size + 1.0 / ratio))
     root = directions * np.sqrt(noise / (size + 1.0 / ratio))
     return RandomRipple(shifts @ root, -shifts @ amplitudes, _without(fit, amplitudes))
