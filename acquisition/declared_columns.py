@@ -82,6 +82,11 @@ def check_declared(context: TableContext) -> None:
         if declared.sigma is not None and declared.sigma.columns:
             raise context.wrong("sigma", "a socket has no columns of sigma; give length_m.")
         return
+    if declared.pictures is not None:
+        if context.instrument.camera is None:
+            message = f"{context.instrument.name} is no camera: its file has no `camera`."
+            raise context.wrong("pictures", message)
+        return
     if values is None:
         raise context.wrong("values", f"missing; {words}. Add the columns that hold it.")
     _check_values(context, values, words)
@@ -137,6 +142,8 @@ def table_columns(
         for key in ("seat", "target", "time", "temperature")
         if (named := getattr(declared, key)) is not None and not isinstance(named, str)
     }
+    if declared.pictures is not None:
+        single["image"] = declared.pictures.image
     temperature = [single.pop("temperature")] if "temperature" in single else []
     joints = joint_columns(context, text, kind) if with_joints else ()
     values = quantities(declared.values.columns if declared.values else (), names)

@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ballbar.acquisition.bundle import FEWEST
+from ballbar.acquisition.corners import Corners, read_corners
 from ballbar.acquisition.declared_columns import (
     Part,
     TableColumns,
@@ -62,6 +64,19 @@ class FilePoses:
     reference_sigma: Array  # (N, K) [m] of each coordinate
     summaries: tuple[FileSummary, ...]
     findings: tuple[Finding, ...]
+    corners: Corners | None = None  # of pictures whose poses are not yet known
+
+    def part(self, chosen: NDArray[np.bool_], group: PoseGroup) -> FilePoses:
+        """The poses of the chosen rows (N,), whose group is given."""
+        return replace(
+            self,
+            group=group,
+            seat=tuple(np.array(self.seat, dtype=object)[chosen]),
+            target=tuple(np.array(self.target, dtype=object)[chosen]),
+            stamps=None if self.stamps is None else self.stamps[chosen],
+            reference=self.reference[chosen],
+            reference_sigma=self.reference_sigma[chosen],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +126,17 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
         },
     )
     complete = ~np.any([np.isnan(numbers.parts[part]).any(axis=1) for part in _NEEDED], axis=0)
+    corners: Corners | None = None
+    read: tuple[FileSummary, ...] = ()
+    entries: tuple[Finding, ...] = ()
+    if declared.pictures is not None:
+        images = rows.text(columns.labels["image"])
+        corners, summary, entries = read_corners(context, declared.pictures, images)
+        read, too_few = (summary,), complete & ~corners.enough
+        sentence = f"the picture shows fewer than {FEWEST} corners of the board; left out."
+        entries = (*entries, *rows.remark("picture left out", sentence, too_few))
+        complete &= corners.enough
+        corners = corners.take(complete)
     if not complete.any():
         what = f"no row has all numbers that {context.path.name} names. Are these the columns?"
         remedy = "Of a workbook, save it with the program that computes its formulas."
@@ -138,8 +164,10 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
         )
         for source in sources
     )
-    findings = (*(entry for source in sources for entry in source.findings), *left_out)
-    return replace(poses, summaries=summaries, findings=(*findings, *poses.findings))
+    findings = (*(entry for source in sources for entry in source.findings), *left_out, *entries)
+    return replace(
+        poses, summaries=(*summaries, *read), findings=(*findings, *poses.findings), corners=corners
+    )
 
 
 def _poses(context: TableContext, columns: TableColumns, numbers: _Numbers) -> FilePoses:
@@ -201,6 +229,9 @@ def _measured(
     """Values (N, M) [m, rad] and sigma [m, rad] of rows, with findings."""
     rows, declared, instrument = numbers.rows, context.declared.values, context.instrument
     raw, constants = numbers.parts["values"], context.declared.sigma
+    if context.declared.pictures is not None:  # their poses are found from all of them together
+        unknown = np.zeros((rows.size, instrument.kind.columns))
+        return unknown, unknown, ()
     values = raw
     if declared is not None:
         if instrument.kind.target_turns:

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.acquisition.declared_columns import TableContext
+from ballbar.acquisition.pictures import posed
 from ballbar.acquisition.pose_rows import FilePoses, file_poses
 from ballbar.acquisition.reference_points import steadied
 from ballbar.acquisition.report import ImportReport
@@ -62,7 +63,7 @@ def import_poses(path: Path) -> PoseImport:
                 names = f"{twice[0]!r} and {twice[1]!r}"
                 raise context.wrong(key, f"{names} are one file. Name it once.")
         files += [file_poses(context, index) for index in range(len(declared.files))]
-    files = steadied(files)
+    files = steadied(posed(robot, files))
     stamps = [poses.stamps for poses in files if poses.stamps is not None]
     start = min((int(each.min()) for each in stamps), default=0)
     groups = tuple(group for poses in files for group in _groups(poses, start))

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.camera import NAMES, Camera, Lens, LensModel
 from ballbar.cell.description_files import NominalAngle
 from ballbar.cell.descriptions import BallBar, Link
 from ballbar.cell.geometry import ROD_ROW
@@ -26,6 +27,15 @@ from ballbar.cell.schema import Line, NotNegative, Positive, Strict
 from ballbar.cell.schema_errors import wrong_key
 
 JointKind = Literal["revolute", "prismatic", "universal", "ball"]
+# Standard deviations of the lens of a camera that was not calibrated: focal length, relative, and
+# of its two values against each other; centre of the picture, of its width; distortion.
+FOCAL, SQUARE, CENTRE = 0.2, 0.005, 0.03
+DISTORTION: dict[LensModel, tuple[float, ...]] = {
+    "brown": (0.3, 0.5, 0.01, 0.01, 0.5),
+    "fisheye": (0.1, 0.1, 0.1, 0.1),
+}
+CALIBRATED = 0.1  # of those, where values but no deviations are stated
+Pixels = Annotated[int, Field(ge=16, le=100000)]
 _SHARED = ("lower_m", "upper_m", "sigma_m", "zero_sigma_m")  # by all sensed lengths of a chain
 
 
@@ -53,19 +63,50 @@ class DistanceFile(Strict):
     sigma_m: Positive
 
 
+class CameraFile(Strict):
+    """A camera whose pictures of a board tell the board's pose."""
+
+    image_px: tuple[Pixels, Pixels]
+    """Width and height of its pictures."""
+    field_of_view_deg: Annotated[float, Field(ge=5.0, le=170.0)] | None = None
+    """Angle that a picture is wide, about: enough, for the pictures calibrate the lens."""
+    lens: LensModel = "brown"
+    """`brown`: pinhole with distortion k1, k2, p1, p2, k3; `fisheye` with k1 to k4."""
+    lens_px: Annotated[tuple[float, ...], Field(min_length=4, max_length=9)] = ()
+    """Calibration, as OpenCV has it: fx, fy, cx, cy [px], then the distortion."""
+    lens_sigma_px: Annotated[tuple[Positive, ...], Field(max_length=9)] = ()
+    """Their standard deviations; default a tenth of those of a camera without calibration."""
+    sigma_px: Positive = 0.2
+    """Noise of a corner along u and v, about: the pictures tell it."""
+
+    @model_validator(mode="after")
+    def _lens_is_stated(self) -> Self:
+        expected = len(NAMES[self.lens])
+        if not self.lens_px and self.field_of_view_deg is None:
+            raise wrong_key("field_of_view_deg", message="missing; or give lens_px")
+        for key in ("lens_px", "lens_sigma_px"):
+            count = len(getattr(self, key))
+            if count not in (0, expected) or (key == "lens_sigma_px" and count > len(self.lens_px)):
+                raise wrong_key(key, message=f"expected {', '.join(NAMES[self.lens])}")
+        return self
+
+
 class InstrumentFile(Strict):
     """Description of an instrument, cell/instruments/*.yaml."""
 
     schema_: Annotated[Literal["ballbar-instrument/1"], Field(alias="schema")]
     title: Line
-    chain: Annotated[tuple[JointFile, ...], Field(min_length=1, max_length=4)]
-    """Joints from the floor to the tool."""
+    chain: Annotated[tuple[JointFile, ...], Field(max_length=4)] = ()
+    """Joints from the floor to the tool; that of a camera follows from its pictures."""
+    camera: CameraFile | None = None
     distance: DistanceFile | None = None
     mass_kg: NotNegative = 0.0
     """Mass of a rod from seat to target; the target carries half of its weight."""
 
     @model_validator(mode="after")
     def _chain_is_one_that_measures(self) -> Self:
+        if self.camera is not None and not self.chain:
+            return self
         if _kind_of(_joints(self)) is None:
             known = "; ".join(" ".join(c) for kind in kinds().values() for c in kind.chains)
             raise wrong_key(
@@ -109,6 +150,8 @@ class InstrumentFile(Strict):
 
 def instrument_of(name: str, file: InstrumentFile) -> Instrument:
     """The instrument that a checked file describes; name : of that file."""
+    if file.camera is not None and not file.chain:
+        file = file.model_copy(update={"chain": _sight_of(camera_of(file.camera))})
     kind = _kind_of(_joints(file))
     assert kind is not None  # checked when the file was read
     sliding = [joint for joint in file.chain if joint.joint == "prismatic"]
@@ -128,7 +171,47 @@ def instrument_of(name: str, file: InstrumentFile) -> Instrument:
         sigma_rotation=file.chain[-1].sigma_rad if kind.target_turns else 0.0,
         distance=None if distance is None else (distance.length_m, distance.sigma_m),
         mass=file.mass_kg,
+        camera=None if file.camera is None else camera_of(file.camera),
     )
+
+
+def camera_of(file: CameraFile) -> Camera:
+    """The camera of a checked file; its covariance is that of the lens before any picture."""
+    width, height = file.image_px
+    count = len(NAMES[file.lens])
+    values = np.zeros(count)
+    angle = np.deg2rad(file.field_of_view_deg or 60.0)
+    wide = np.tan(0.5 * angle) if file.lens == "brown" else 0.5 * angle
+    values[:4] = 0.5 * width / wide, 0.5 * width / wide, 0.5 * (width - 1), 0.5 * (height - 1)
+    if file.lens_px:
+        values[:] = file.lens_px
+    sigma = np.concatenate(([0.0, 0.0], [CENTRE * width] * 2, DISTORTION[file.lens]))
+    covariance = np.diag(sigma**2)
+    focal = values[:2] * np.array([[FOCAL, 0.0], [FOCAL, SQUARE]]).T
+    covariance[:2, :2] = focal.T @ focal
+    if file.lens_px:
+        covariance *= CALIBRATED**2
+    if file.lens_sigma_px:
+        covariance = np.diag(np.square(file.lens_sigma_px))
+    return Camera(file.image_px, Lens(file.lens, values), covariance, file.sigma_px)
+
+
+def _sight_of(camera: Camera) -> tuple[JointFile, ...]:
+    """A chain with about the noise of a board of fifty corners that is a fifth of a picture wide,
+    at a distance of 0.7 m.
+    """
+    focal, corners = float(camera.lens.values[0]), 50.0
+    direction = camera.sigma / focal / np.sqrt(corners)
+    size = 0.1 * camera.image[0] / focal  # half the board, as a tangent
+    line: dict[str, JointKind | bool | float] = {"joint": "revolute", "sensed": True}
+    depth = {"nominal_m": 0.7, "lower_m": 0.1, "upper_m": 3.0, "sigma_m": 0.7 * direction / size}
+    parts = (
+        line | {"alpha_deg": -90.0, "sigma_rad": direction},
+        line | {"alpha_deg": 90.0, "sigma_rad": direction},
+        line | {"joint": "prismatic"} | depth,
+        line | {"joint": "ball", "sigma_rad": direction / size},
+    )
+    return tuple(JointFile.model_validate(part) for part in parts)
 
 
 def telescoping_bar(instrument: Instrument) -> BallBar:

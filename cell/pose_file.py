@@ -20,6 +20,7 @@ from ballbar.cell.poses import KnownDistance
 from ballbar.cell.schema import Positive, Strict
 from ballbar.cell.schema_errors import nearest, wrong_key
 from ballbar.cell.strict_yaml import load_model
+from ballbar.cell.temperature import Temperatures
 
 Column = Annotated[int, Field(ge=1, le=9999)] | str  # name in the header, or number from 1
 
@@ -113,6 +114,23 @@ class ReferencePoints(Strict):
         return self
 
 
+class PictureColumns(Strict):
+    """Corners of a board in pictures, in place of values: pixels u to the right and v down."""
+
+    corners: str = Field(min_length=1)
+    """File of the corners, a row each: image, corner, u, v. Corners count from 0 as in the board's
+    file; the middle of the first pixel is at 0, 0.
+    """
+    columns: tuple[Column, Column, Column, Column] = ("image", "corner", "u", "v")
+    """Their columns."""
+    image: Column = "image"
+    """Column of the table that names the picture of each row, as in the file of the corners."""
+    board: str = Field(min_length=1)
+    """File of the board (schema `ballbar-board/1`), from the folder of poses.yaml."""
+    camera: Literal["cell", "flange"] = "cell"
+    """Where the camera stands: in the cell, with the board on the flange, or on the flange."""
+
+
 class PoseTime(Strict):
     """When each pose was taken."""
 
@@ -134,6 +152,8 @@ class PoseTableFile(Strict):
     joints: JointColumns
     values: ValueColumns | None = Field(default=None)
     """None for a socket."""
+    pictures: PictureColumns | None = Field(default=None)
+    """In place of values: corners that a camera saw."""
     sigma: Sigma | None = Field(default=None)
     """Default: that of the instrument."""
     instrument: str | None = Field(default=None)
@@ -147,6 +167,14 @@ class PoseTableFile(Strict):
     time: PoseTime | None = None
     temperature: NamedColumn | None = Field(default=None)
     """Column in deg C."""
+
+    @model_validator(mode="after")
+    def _pictures_are_all(self) -> Self:
+        if self.pictures is not None and (self.values or self.sigma or self.reference):
+            raise wrong_key("pictures", message="leave out values, sigma and reference beside it")
+        if self.pictures is not None and len(self.files) > 1:
+            raise wrong_key("files", message="one file for each file of corners")
+        return self
 
     @model_validator(mode="after")
     def _joint_files_pair(self) -> Self:
@@ -200,7 +228,7 @@ def known_distances(
     return tuple(out)
 
 
-class PosesFile(Strict):
+class PosesFile(Temperatures):
     """Still poses of one robot."""
 
     schema_: Annotated[Literal["ballbar-poses/1"], Field(alias="schema")]

@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ballbar.cell.arrays import Array, read_only
 from ballbar.cell.clock import Clock
@@ -66,6 +67,22 @@ class JointMotion(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class CommonErrors:
+    """Errors of an instrument that displace everything that it measured.
+
+    Such as a camera's lens and its board: U values with a full covariance, `root @ root.T`. A fit
+    has U unknowns of unit variance in their place, which `root` turns into errors of the values.
+    """
+
+    name: str  # of the instrument
+    names: tuple[str, ...]  # of the values
+    values: Array  # (U,)
+    root: Array  # (U, U)
+    noise: float  # of its readings, in their unit, as they show it; of a camera [px]
+    declared: Array  # (U, 2) value and standard deviation before anything was measured
+
+
+@dataclass(frozen=True, eq=False)
 class PoseGroup:
     """N poses of one target, measured from one seat of the instrument.
 
@@ -85,6 +102,11 @@ class PoseGroup:
     time: Array | None = None
     temperature: Array | None = None  # (N,) [deg C]
     motion: JointMotion | None = None  # None: the robot stood still; else `q` is by its clock
+    # (N, M, M) lower factor of the correlation of the values' errors; None: they are independent
+    factor: Array | None = None
+    common: CommonErrors | None = None
+    # (N, M, U) change of the values per unit of each unknown of `common`; turns about seat axes
+    by_common: Array | None = None
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -98,10 +120,26 @@ class PoseGroup:
     def size(self) -> int:
         return len(self.q)
 
+    def with_common(self, unknowns: Array) -> Array:
+        """(N, M) values for the unknowns (U,) of `common`."""
+        if self.by_common is None or not unknowns.any():
+            return self.values
+        shift = self.by_common @ unknowns
+        if self.values.shape[1] == 3:
+            return self.values + shift[:, :3]
+        rotation = Rotation.from_rotvec(self.values[:, 3:].copy())
+        turned = Rotation.from_rotvec(shift[:, 3:]) * rotation
+        return np.hstack((self.values[:, :3] + shift[:, :3], turned.as_rotvec()))
+
     @property
     def kind(self) -> Kind:
         """The kind of instrument that measured."""
         return kind_named(self.measured)
+
+    @property
+    def seat_fixed(self) -> bool:
+        """Whether the seat is known as well as positions are, so that these may refer to it."""
+        return self.kind.seat_fixed and self.common is None
 
     def by(self, clock: Clock) -> PoseGroup:
         """The poses of a robot that moved, by another clock of the instrument."""

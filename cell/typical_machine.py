@@ -6,10 +6,10 @@ an identification has unknowns about them (ballbar.ident.corrections.typical_gea
 scaled with the chain's length L (`arm_length`) and the robot's mass M. Every spread is the standard
 deviation of a natural logarithm.
 
-Sources: data sheets of 16 robots for their masses (docs/how_to/own_robot.md lists them); [I] and
-[N], cell/robots/irb2400.yaml and nj220.yaml with the sources that they name; [U] Universal Robots,
-ur_description, physical_parameters.yaml of UR5e and UR10e; [K] iiwa_stack, iiwa14 URDF; [P] Gaz
-et al. 2019, doi 10.1109/LRA.2019.2931248 (Panda).
+Sources: data sheets of 16 robots for their masses (below); [I] and [N], cell/robots/irb2400.yaml
+and nj220.yaml with the sources that they name; [U] Universal Robots, ur_description,
+physical_parameters.yaml of UR5e and UR10e; [K] iiwa_stack, iiwa14 URDF; [P] Gaz et al. 2019, doi
+10.1109/LRA.2019.2931248 (Panda).
 """
 
 from __future__ import annotations
@@ -28,8 +28,10 @@ KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
 GRAVITY = 9.81  # [m/s^2] standard gravity, rounded
 
 # Mass of the whole robot, over the data sheets. Arms whose shoulder stands off axis 1 are
-# industrial ones: M = 45 kg (L / m)^3, nine robots of 54 to 1310 kg. The others are light: M = 24
-# kg (L / m), seven robots of 18 to 33 kg. Spreads: 0.44 and 0.33 about these lines.
+# industrial ones: M = 45 kg (L / m)^3: irb1600 250 kg, irb2400 380, irb4600 435, irb6640 1310,
+# kr10_r1100 54, kr210 1068, m20ia 250, gp25 250, nj220 1220. The others are light: M = 24 kg
+# (L / m): irb120 25, ur5 18.4, ur5e 20.6, ur10 28.9, ur10e 33.5, panda 18, iiwa14 29.9. Spreads:
+# 0.44 and 0.33 about these lines.
 INDUSTRIAL, LIGHT = (45.0, 3.0, 0.45), (24.0, 1.0, 0.35)  # kg, power of L, spread
 SHOULDER = 0.03  # share of L by which the shoulder of an industrial arm stands off axis 1 at least
 # Share of the robot's mass that base and links have, over their place in the chain from 0, the

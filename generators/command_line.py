@@ -68,6 +68,7 @@ code. `comparison`, `plant` and `limits` are null or empty for a real cell.
 |`watch`|`recorded_s`; `rows` by source; `waiting`; `alarms`: `kind`, `sentence`, `raised` [s], `subject`; `verdict`, `model`, `identified_until_s`; `tcp_sigma_m`, `tcp_sigma_without_scale_m`, `tcp_sigma_end_m`; clock; `noise` [rad]; `sphere_covered`, `axes_covered` (0 to 1); `predicted`, `enough`|
 |`verify` of a recording|`holds`, `comparable` (false: cannot tell, exit code 2), `sentence`, `warnings`; `position_rms_m`, `angle_rms_rad`; `normalised_innovation`: residual over what noise and stated uncertainty explain; `chi2_per_dof_with_free_machine`; `log_bayes_factor` of a change, `limit`; `causes`: `kind`, `axis`, `parameters`, `size`, `sigma`, `log_bayes_factor`, `named`|
 |`verify` of still poses|`holds`, `comparable`, `sentence`, `warnings`; `poses`, `poses_outside_fitted_ranges`; `mean_error_m`, `expected_mean_error_m`, `largest_mean_error_m`; `sum_of_squares`, `degrees_of_freedom`, `limit`; `causes`: `kind`, `name`, `size`, `sigma`, `sum_of_squares_left`, `named`|
+|`performance`|`cube_side_m`, `cube_poses`: 4x4 matrices, or null; `characteristics`: `symbol`, `name`, `clause`, `place`, `unit`, `cycles`, and of `nominal`, `identified`, `corrected` each `origin` (measured, predicted, not stated), `value`, `low`, `high`, `reason`; `notes`|
 |`correct` of a program|`files`; `targets`: `file`, `name`, `line`, `position_error_m`, `angle_error_rad`, `axis_correction_rad`, `left_in_the_model_m`; `notes`|
 |`correct` of a table|`file`, `targets`, `included`, `warnings`, `predicted_position_error_m`, `predicted_angle_error_rad` (`mean`, `max`), `left_in_the_model_m`, `largest_axis_correction_rad`|
 |`list`|`robots`, `ballbars`, `instruments`, `plates`, `dialects`, `scenarios`: names and titles|
@@ -164,11 +165,13 @@ def _values(hint: Any, info: ArgumentInfo | OptionInfo) -> str:
         return ", ".join(f"`{choice}`" for choice in get_args(kind))
     named = isinstance(info, OptionInfo) and info.metavar
     text = f"`{_text(info.metavar)}`" if named else _KINDS.get(kind, str(kind))
+    if isinstance(info, ArgumentInfo) and kind in (str, Path):  # its meaning says which
+        text = ""
     if info.min is not None and info.max is not None:
         text = f"{text} {info.min:g} to {info.max:g}"
     elif info.min is not None:
         text = f"{text} ≥ {info.min:g}"
-    return f"{text} ..." if many else text
+    return f"{text} ...".strip() if many else text
 
 
 def _text(words: str | None) -> str:

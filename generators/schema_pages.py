@@ -73,6 +73,7 @@ class SchemaPage:
         if not self.written_by_people:  # kinds and limits of what a program wrote say the obvious
             values = re.sub(r"\b(numbers?|integers?) (-?\d+ to \d+|[≥>] \d+)", r"\1", values)
             values = re.sub(r"^(integer|true or false)$", "", values)
+        values = values.replace("integer 1 to 9999 or text", "name or number")  # of a column
         values = re.sub(r"^(text$|number$|number (?=[^o]))", "", values)  # the key says which
         about = re.sub(r"^[;,] ", "", f"{values}{kind}")
         return f"`{key}`{f' ({about})' if about else ''}{meaning}"

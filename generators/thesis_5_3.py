@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -160,7 +160,7 @@ def main() -> None:
         sphere_high=deviation.max() * 1e6,
     )
     rows = [tuple(cell.format(**numbers) for cell in row) for row in ROWS]
-    write_table(EXPERIMENTS, [("what", "thesis", "here"), *rows, *_passage()])
+    write_table(EXPERIMENTS, [("what", "thesis", "here"), *rows, _passage()])
 
 
 def write_table(path: Path, rows: Sequence[tuple[str, ...]]) -> None:
@@ -170,19 +170,20 @@ def write_table(path: Path, rows: Sequence[tuple[str, ...]]) -> None:
     write_whole(path, buffer.getvalue().encode())
 
 
-def _passage() -> Iterator[tuple[str, str, str]]:
-    """Rows of forces near a singularity of the ball-bar, with and without friction of it."""
+def _passage() -> tuple[str, str, str]:
+    """Row of the forces near a singularity of the ball-bar, with and without friction of it."""
     rubbing, smooth = (
         force_near_singularity(singular_passage(friction=friction), BANDS)
         for friction in (True, False)
     )
-    for (low, high), (force, fast), (_, without) in zip(BANDS, rubbing, smooth, strict=True):
-        yield (
-            f"force with b4 {low:g} to {high:g} deg from singularity; rms above 2 Hz; without "
-            "bearing friction",
-            "larger force, oscillating",
-            f"{force:.0f} N; {fast:.3f} N; {without:.3f} N",
-        )
+    bands = ", ".join(f"{low:g} to {high:g}" for low, high in BANDS)
+    largest = ", ".join(f"{force:.0f}" for force, _ in rubbing)
+    fast, without = (", ".join(f"{rms:.3f}" for _, rms in each) for each in (rubbing, smooth))
+    return (
+        f"force with b4 {bands} deg from singularity; rms above 2 Hz; without bearing friction",
+        "larger force, oscillating",
+        f"{largest} N; {fast} N; {without} N",
+    )
 
 
 def _pull_push_figure(motion: Motion) -> None:

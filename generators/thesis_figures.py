@@ -48,7 +48,8 @@ HEAD = """# Figures, tables and experiments of the thesis, beside ours
 Written by `python -m generators.thesis_figures`; do not edit. Verdicts are those of
 [Claims](claims.md), where our figures stand too; those on Tables 3.2 to 3.4 are explained on
 [Identifiability](identifiability.md). Left out are drawings, photographs and the pictures of logs.
-The curves of the thesis are not printed as numbers, so its sentences about them are compared.
+The curves of the thesis are not printed as numbers, so its sentences about them are compared. A
+number counts the claims of a whole section.
 
 |thesis|what|beside ours|
 |---|---|---|
@@ -136,8 +137,10 @@ def beside(entry: Entry) -> str:
     if entry.topic:
         claims = _claims_of(entry)
         for verdict in ("holds", "differs"):
-            if names := ", ".join(name for name, word in claims.items() if word == verdict):
-                words.append(f"[{verdict}](claims.md#{_anchor(entry.topic)}): {names}")
+            names = [name for name, word in claims.items() if word == verdict]
+            said = ", ".join(names) if entry.claims else str(len(names))  # of a whole section
+            if names:
+                words.append(f"[{verdict}](claims.md#{_anchor(entry.topic)}): {said}")
     return "; ".join(words)
 
 

@@ -184,6 +184,8 @@ def _white(group: PoseGroup, rest: Array, counting: NDArray[np.bool_]) -> float:
     Second differences of neighbouring rows are without what the model leaves over, which changes
     slowly; noise that is not white is counted as such. counting : of the group's poses.
     """
+    if group.common is not None:  # the instrument's own readings tell their noise
+        return float((group.sigma[counting, : len(rest)] ** 2).sum())
     if group.motion is None or group.time is None:
         return 0.0
     step = np.diff(group.time[counting])

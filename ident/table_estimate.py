@@ -15,6 +15,7 @@ from ballbar.cell.placement import Placement
 from ballbar.cell.poses import PoseTable
 from ballbar.cell.statistics import chi_square_quantile
 from ballbar.ident.cross_validation import (
+    BLOCKS,
     LEVEL,
     CrossValidation,
     at_one_place,
@@ -231,14 +232,7 @@ class TableEstimate:
         """The robot of still poses alone with one of its targets; by default the table's first."""
         fit, layout, validation = self.fit, self.fit.model.unknowns, self.cross_validation
         name = target or self.target
-        others = {step.other for step in self.findings.steps}
-        at = layout.targets[name].start
-        seats = [g.seat for g in self.table.groups if g.target == name]
-        # a whole frame, where there is one, and of most poses where it moved
-        fixed = {g.seat for g in self.table.groups if g.kind.seat_fixed} & layout.framed
-        seat = max(seats, key=lambda s: (s in fixed, s not in others))
-        first = layout.seats[seat].start
-        index = np.r_[layout.machine, at : at + 3, first : first + (6 if seat in fixed else 3)]
+        seat, index = self.stated_of(name)
         q = self.table.q
         return IdentifiedRobot(
             self.table.robot,
@@ -249,7 +243,7 @@ class TableEstimate:
             ranges=np.stack((q.min(axis=0), q.max(axis=0)), axis=1),
             stated=PoseCovariance(
                 seat=layout.seat(fit.x, seat),
-                seat_turns=seat in fixed,
+                seat_turns=index.size == layout.machine.size + 9,
                 parameters=layout.shared,
                 values=fit.covariance[np.ix_(index, index)],
                 discrepancy=validation.of_points,
@@ -258,6 +252,28 @@ class TableEstimate:
                 joint_sigma=validation.joint_sigma,
             ),
         )
+
+    @property
+    def blocks(self) -> int:
+        """Number of regions whose poses share what the model leaves over."""
+        return min(BLOCKS, self.table.size)
+
+    def stated_of(self, target: str) -> tuple[str, NDArray[np.intp]]:
+        """Seat from which a target is seen, and the unknowns that its position depends on.
+
+        They are the machine's, then three of the target, and six of a seat that is a frame, else
+        three.
+        """
+        layout = self.fit.model.unknowns
+        others = {step.other for step in self.findings.steps}
+        at = layout.targets[target].start
+        seats = [g.seat for g in self.table.groups if g.target == target]
+        # a whole frame, where there is one, and of most poses where it moved
+        fixed = {g.seat for g in self.table.groups if g.seat_fixed} & layout.framed
+        seat = max(seats, key=lambda s: (s in fixed, s not in others))
+        first = layout.seats[seat].start
+        own = np.r_[layout.machine, at : at + 3, first : first + (6 if seat in fixed else 3)]
+        return seat, own
 
 
 def group_errors(fit: Fit) -> tuple[Array, ...]:

@@ -225,7 +225,8 @@ def _without_unsettled(fit: Fit) -> tuple[Fit, Findings]:
 
 def _check_enough(table: PoseTable, layout: Unknowns) -> None:
     equations = sum(group.kind.equations * group.size for group in table.groups)
-    unknowns = layout.count - (layout.coefficients.stop - layout.coefficients.start)
+    known = (layout.coefficients, *layout.placed.common.values())  # by their priors
+    unknowns = layout.count - sum(part.stop - part.start for part in known)
     if equations < unknowns:
         raise InputError(
             f"{table.name}: {table.size} poses give {equations} equations for {unknowns} unknowns "

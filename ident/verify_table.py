@@ -312,7 +312,11 @@ def _points(table: PoseTable) -> PoseTable:
         point = group
         if group.measured == "pose":
             point = replace(
-                group, measured="point", values=group.values[:, :3], sigma=group.sigma[:, :3]
+                group,
+                measured="point",
+                values=group.values[:, :3],
+                sigma=group.sigma[:, :3],
+                factor=None if group.factor is None else group.factor[:, :3, :3],
             )
         groups.append(replace(point, sigma=np.zeros_like(point.sigma)))
     return replace(table, groups=tuple(groups))

@@ -1,12 +1,13 @@
-"""Commands that judge a stored result: `ballbar compare` and `ballbar verify`."""
+"""Commands that judge a stored result: `ballbar compare`, `verify` and `performance`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import typer
+from rich.markup import escape
 
-from ballbar.commands.options import AsJson, ResultFile, command, say_json
+from ballbar.commands.options import AsJson, ResultFile, command, command_line, say_json
 from ballbar.terminal import out
 
 commands = typer.Typer()
@@ -68,3 +69,55 @@ def verify(result: ResultFile, folder: Path, as_json: AsJson = False) -> None:
         say_json(verification_data(outcome))
     say_verification(out, outcome)
     raise typer.Exit(exit_code(outcome))
+
+
+@command(commands)
+def performance(
+    result: ResultFile,
+    measured: Path | None = None,
+    *,
+    cube: float | None = None,
+    radius: float | None = None,
+    file: Path | None = None,
+    as_json: AsJson = False,
+) -> None:
+    """State the performance of a robot by the characteristics of ISO 9283 and ISO 230-4.
+
+    Repeated poses, a path that repeats and a full circle are measured values; what was not measured
+    is predicted from the result at the five poses of the test cube and over the workspace. Each
+    value is marked, nominal, identified and corrected robot side by side.
+
+    Example: `ballbar performance results/ur10 recordings/cube --out performance.html`
+
+    DIR : Folder with poses.yaml or recording.yaml. Default: nothing measured.
+    --cube MM : Edge of the test cube [mm]. Default: the largest of 1000, 630, 400 and 250 mm that
+        fits.
+    --radius MM : Nominal length of a telescoping ball-bar [mm].
+    --out FILE : Page with all values and the polar plot; must be new.
+    """
+    from ballbar.cell.errors import InputError
+    from ballbar.report.performance import say_performance, write_performance
+    from ballbar.result.calibration import load
+    from ballbar.result.performance import performance as performance_of
+    from ballbar.result.performance import performance_data
+
+    for option, value in (("--cube", cube), ("--radius", radius)):
+        if value is not None and not value > 0.0:
+            raise InputError(f"{option} {value:g}: expected a length above 0 mm.")
+    if file is not None and file.exists():
+        raise InputError(f"{file}: exists already; nothing was written. Name another file.")
+    calibration = load(result)
+    stated = performance_of(
+        calibration,
+        measured,
+        side=None if cube is None else cube * 1e-3,
+        radius=None if radius is None else radius * 1e-3,
+    )
+    if file is not None:
+        title = calibration.robot.title
+        write_performance(file, stated, title=title, command=command_line())
+    if as_json:
+        say_json(performance_data(stated))
+    say_performance(out, stated)
+    if file is not None:
+        out.print(f"Wrote {escape(str(file))}")

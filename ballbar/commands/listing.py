@@ -38,6 +38,7 @@ COMMANDS = {
         "replay": "result",
         "compare": "comparison",
         "verify": "comparison",
+        "performance": "comparison",
         "export": "result",
         "correct": "result",
     },

@@ -14,6 +14,7 @@ import numpy as np
 from ballbar.cell.files import write_whole
 from ballbar.cell.foreign_text import printable
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
+from ballbar.report.budget import budget_section
 from ballbar.report.line_plot import Distribution, cumulative, order_spectra
 from ballbar.report.machine import (
     advised_steps,
@@ -47,6 +48,7 @@ def render_report(run: RunData, *, command: str, written: datetime) -> str:
         *error_section(run),
         tcp_section(run, view),
         *diagnosis_section(run, steps),
+        *budget_section(run),
         *machine_sections(run),
         *joint_error_section(run),
         *place_sections(run),

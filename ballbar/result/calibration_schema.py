@@ -35,6 +35,7 @@ from ballbar.ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_har
 from ballbar.ident.corrections.joint_lag import joint_lag
 from ballbar.ident.corrections.unit_weights import unit_weights
 from ballbar.ident.estimator.priors import belongs_to_recording, shared_names
+from ballbar.result.budget_entries import BudgetEntry
 from ballbar.result.machine_entries import (
     RESTORE,
     CoefficientEntry,
@@ -59,6 +60,7 @@ from ballbar.result.recording_entries import (
     RecordingEntry,
     marks_of,
 )
+from ballbar.result.temperature_entries import TemperatureEntry
 
 SCHEMA: Final = "ballbar-calibration/2"
 
@@ -106,6 +108,8 @@ class CalibrationFile(Strict):
     recordings: Annotated[tuple[AnyRecording, ...], Field(min_length=1)]
     cross_validation: OfPoses[CrossValidationEntry] = None
     fit: FitEntry
+    temperature: TemperatureEntry | None = None  # absent where it was not stated
+    uncertainty_budget: BudgetEntry | None = None  # older files do not state it
     held_out: tuple[AnyHeldOut, ...] = ()
 
     @property

@@ -66,7 +66,7 @@ def verify(
 def _verify_poses(calibration: Calibration, read: PoseImport) -> Verification:
     """Still poses; a machine that recordings identified is held at rest."""
     folder = None if read.file is None else read.file.parent
-    _check_same(calibration, folder, {"robot": read.description.robot}, read.table.robot)
+    check_same(calibration, folder, {"robot": read.description.robot}, read.table.robot)
     table, targets = read.table, calibration.targets
     if calibration.of_logs:
         machine = calibration.machine(calibration.cell())
@@ -91,7 +91,7 @@ def _verify_recording(
 ) -> Verification:
     content, recorded = calibration.file_of_logs(), recording.description
     names = {"robot": recorded.robot, "instrument": recorded.measured_by, "plate": recorded.plate}
-    _check_same(calibration, recording.folder, names, None if cell is None else cell.robot)
+    check_same(calibration, recording.folder, names, None if cell is None else cell.robot)
     logs = logs_of(distinct_names([recording])[0], recording)
     outcome = verify_recording(calibration.machine(calibration.cell()), logs, listener=listener)
     warmth = temperature_remarks(content, recorded.temperature_C)
@@ -121,10 +121,13 @@ def temperature_remarks(content: CalibrationFile, now: float | None) -> tuple[st
     )
 
 
-def _check_same(
+def check_same(
     calibration: Calibration, folder: Path | None, names: dict[str, str], robot: Robot | None
 ) -> None:
-    """names : of the descriptions in a folder, by the keys of its file. robot : of arrays."""
+    """Raise InputError where what was measured is of another machine than a result.
+
+    names : of the descriptions in a folder, by the keys of its file. robot : of arrays.
+    """
     for key, here in names.items():
         name, file = getattr(calibration.file, key), calibration.path
         if description_identity(here, folder) != description_identity(name, file.parent):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ballbar.cell.errors import InputError
+from ballbar.ident.robot.budget import Budget
 from ballbar.ident.verdict import Status
 from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.names import OUTPUTS
@@ -44,6 +45,12 @@ class Views:
     def sentence(self) -> str:
         """The verdict on the fit."""
         return self.file.fit.verdict
+
+    @property
+    def budget(self) -> Budget | None:
+        """Parts of the stated TCP uncertainty; None of a file of an older version."""
+        entry = self.file.uncertainty_budget
+        return None if entry is None else entry.budget
 
     @property
     def warnings(self) -> tuple[str, ...]:

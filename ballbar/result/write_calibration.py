@@ -27,6 +27,7 @@ from ballbar.ident.estimator.priors import belongs_to_recording, shared_names
 from ballbar.ident.result import RecordingEstimate, RobotEstimate
 from ballbar.ident.table_estimate import PlacementEstimate, TableEstimate
 from ballbar.ident.verdict import Verdict
+from ballbar.result.budget_entries import BudgetEntry
 from ballbar.result.calibration import Calibration, load
 from ballbar.result.calibration_schema import SCHEMA, CalibrationFile
 from ballbar.result.machine_entries import (
@@ -53,6 +54,7 @@ from ballbar.result.recording_entries import (
     ResidualEntry,
 )
 from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.temperature_entries import growth_entries, temperature_entry
 
 _UNIT = re.compile(r"_(?:m|rad|s)$")
 E = TypeVar("E", bound=Strict)
@@ -83,6 +85,8 @@ def calibration_of(data: RunData) -> CalibrationFile:
         ),
         seats={} if poses is None else _placements(poses.seats),
         targets={} if poses is None else _placements(poses.targets),
+        temperature=temperature_entry(data),
+        uncertainty_budget=_content(BudgetEntry, result.budget),
         **own,
     )
 
@@ -273,6 +277,7 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
         ),
         residuals=_residuals(estimate),
         temperature_C=fitted.recording.description.temperature_C,
+        growth=growth_entries(estimate.growth),
     )
 
 

@@ -16,6 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.camera import Camera
 from ballbar.cell.chain import cross
 from ballbar.cell.placement import Placement
 from ballbar.cell.rotation import matrix_from_rotvec
@@ -169,6 +170,7 @@ class Instrument:
     sigma_rotation: float  # [rad] of the target's sensed orientation, each axis
     distance: tuple[float, float] | None  # [m] between two seats, and its sigma
     mass: float  # [kg] of a rod from seat to target
+    camera: Camera | None = None  # whose pictures of a board tell its pose
 
     @property
     def follows(self) -> bool:

@@ -72,7 +72,7 @@ is refused, unless it states its default.
 
 - With `poses` only: {of_poses}.
 - With `path` and a ball-bar with encoders only: {of_ballbar}.
-- With `path` only: {of_path}; of `accept` all but {limits}.
+- With `path` only: {of_path}, all other `errors` but {of_both}; of `accept` all but {limits}.
 """
 
 
@@ -83,8 +83,15 @@ def page_text() -> str:
 
 def _still_poses() -> str:
     """Which keys belong to a robot that stands still, and which to one that moves."""
-    of_path = [key for key in (*OF_PATH, "identify") if key not in OF_BALLBAR]
-    names = {"of_poses": OF_POSES, "of_path": of_path, "of_ballbar": OF_BALLBAR}
+    of_path = [key for key in (*OF_PATH, "identify") if not key.startswith("errors.")]
+    errors = [f"errors.{name}" for name in models_in(field_at("errors").annotation)[0].model_fields]
+    of_both = [key for key in errors if key not in (*OF_PATH, *OF_POSES)]
+    names = {
+        "of_poses": OF_POSES,
+        "of_path": [key for key in of_path if key not in OF_BALLBAR],
+        "of_both": of_both,
+        "of_ballbar": OF_BALLBAR,
+    }
     listed = {k: ", ".join(f"`{key}`" for key in keys) for k, keys in names.items()}
     return POSES_HEAD.format(**listed, limits=", ".join(f"`{key}`" for key in OF_EVERY_RUN))
 
@@ -115,7 +122,7 @@ def _without_picture(section: str, model: type[BaseModel]) -> Iterator[str]:
 
 
 def _many(field: FieldInfo) -> str:
-    return " A list." if values_text(field).startswith("list of") else ""
+    return " A list." if values_text(field).startswith(("list of", "at least")) else ""
 
 
 def _pictures(section: str) -> Iterator[str]:

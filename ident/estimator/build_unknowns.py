@@ -173,6 +173,7 @@ def _placed(build: _Builder, still: PlacedPoses) -> Placed:
     )
     last_row, flange = bare_flange(still.table.robot)
     motions = {g.motion.name: g.motion for g in groups if g.motion is not None}
+    common = {g.common.name: g.common for g in groups if g.common is not None}
     return Placed(
         seats={s: placement(f"seat {s}", turns=s in framed) for s in seat_names},
         targets={t: placement(f"target {t}", turns=t in whole) for t in target_names},
@@ -187,6 +188,14 @@ def _placed(build: _Builder, still: PlacedPoses) -> Placed:
                 CLOCK_PRIOR,
             )
             for name, motion in motions.items()
+        },
+        common={
+            name: build.block(
+                [f"{name}.{value}" for value in errors.names],
+                np.zeros(len(errors.names)),
+                np.ones(len(errors.names)),
+            )
+            for name, errors in common.items()
         },
     )
 

@@ -8,9 +8,9 @@ robot's log at the instants of its rows, and a clock. A recording of a ball-bar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from ballbar.cell.geometry import BAR_ROWS, Geometry
 from ballbar.cell.placement import target_frames
 from ballbar.cell.poses import JointMotion, PoseGroup
 from ballbar.cell.robot_angles import by_axis
+from ballbar.cell.statistics import rms
 from ballbar.ident.corrections.base import BAR, GEAR, State
 from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.ident.estimator.samples import Samples
@@ -82,7 +83,8 @@ class StillPoses:
         del bar
         group = self.group
         frames = target_frames(forward(geometry.robot, q), layout.target(x, group.target))
-        return close_on_target(group.kind, group.values, layout.seat(x, group.seat), frames)
+        values = group.with_common(layout.common(x, group.common))
+        return close_on_target(group.kind, values, layout.seat(x, group.seat), frames)
 
     def free_columns(self, point: Evaluation) -> Array:
         """(m, 6, N) shifts and turns of the target that the instrument does not measure."""
@@ -98,7 +100,7 @@ class StillPoses:
         closure = point.target_closure
         parts = [
             self.angle_noise[:, None, None] * closure.joint_columns,
-            closure.sensor_columns(self.group.sigma),
+            closure.sensor_columns(self.group.sigma, self.group.factor),
         ]
         if excess.gear or excess.wrist or np.ndim(uncertain):
             gears = point.columns[GEAR:BAR]
@@ -108,6 +110,22 @@ class StillPoses:
         if unexplained.any():
             parts.append(np.repeat(np.diag(unexplained)[:, :, None], self.size, axis=2))
         return np.concatenate(parts)
+
+    @property
+    def silent(self) -> Self:
+        """The same without noise."""
+        group = replace(self.group, sigma=0.0 * self.group.sigma)
+        return replace(self, group=group, angle_noise=0.0 * self.angle_noise)
+
+    @property
+    def noise_sources(self) -> list[tuple[str, StillPoses, float]]:
+        """Name and standard deviation [m, rad, s] of each noise by itself, the others off."""
+        silent, group = self.silent, self.group
+        name = "bearings" if group.kind.units[:1] == ("rad",) else "instrument"
+        return [
+            ("joint_log", replace(silent, angle_noise=self.angle_noise), rms(self.angle_noise)),
+            (name, replace(silent, group=group), rms(group.sigma[:, 0])),
+        ]
 
     def own_geometry(self, layout: Unknowns, k: int) -> tuple[NDArray[np.intp], slice]:
         """No parameters of the mechanism are their own."""
@@ -119,12 +137,16 @@ class StillPoses:
     ) -> list[tuple[slice, Array]]:
         """Unknowns of seat and target, and (p, E, N) the weighted error's change per unit."""
         del k
-        seat, target = layout.seats[self.group.seat], layout.targets[self.group.target]
-        closure = point.target_closure
-        return [
+        group, closure = self.group, point.target_closure
+        seat, target = layout.seats[group.seat], layout.targets[group.target]
+        columns = [
             (seat, weights(closure.seat_columns(x[seat]))),
             (target, weights(closure.target_columns(x[target]))),
         ]
+        if group.common is not None and group.by_common is not None:
+            moved = closure.value_columns(group.by_common)
+            columns.append((layout.placed.common[group.common.name], weights(moved)))
+        return columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +193,17 @@ class FollowedPoses(StillPoses):
         if not self.stamp_noise:
             return parts
         return np.concatenate((parts, self.stamp_noise * point.time_column[None]))
+
+    @property
+    def silent(self) -> Self:
+        """The same without noise."""
+        return replace(super().silent, stamp_noise=0.0)
+
+    @property
+    def noise_sources(self) -> list[tuple[str, StillPoses, float]]:
+        """Name and standard deviation of each noise by itself, of the stamps too."""
+        stamped = replace(self.silent, stamp_noise=self.stamp_noise)
+        return [*super().noise_sources, ("stamps", stamped, self.stamp_noise)]
 
     def own_columns(
         self, layout: Unknowns, x: Array, k: int, point: Evaluation, weights: Whitening

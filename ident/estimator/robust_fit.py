@@ -26,6 +26,7 @@ from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.ident.estimator.normal_equations import NormalEquations, normal_equations
 from ballbar.ident.estimator.priors import with_tails
 from ballbar.ident.estimator.unknowns import Unknowns
+from ballbar.ident.estimator.variance_components import OF_POSES, likeliest
 
 HUBER = 3.0  # Huber's threshold, in root mean squares of a pose's whitened residual
 GROSS = 10.0  # in the same: a pose further off is left out (docs/real_robots)
@@ -35,6 +36,7 @@ SETTLED = 0.01  # relative change of the variances' roots that ends them
 NEGLIGIBLE = 1e-3  # decrease of the cost that ends a search, per degree of freedom
 MAX_ITERATIONS = 15  # of a search
 START = ExcessNoise(position=1e-3, rotation=1e-3)  # before a residual is known
+FURTHEST = 0.3  # [m, rad] of the same: a start by joints whose zeros were lost
 LEAST = ExcessNoise(position=1e-7, rotation=1e-7)
 
 
@@ -55,7 +57,7 @@ def fit_robustly(
         minimum = minimise(problem, Stop(decrease=NEGLIGIBLE), max_iterations=MAX_ITERATIONS)
         linear, x = minimum.equations, minimum.equations.x
         iterations += minimum.iterations
-        before, excess = excess, unexplained(model, linear)
+        before, excess = excess, unexplained(model, linear, excess)
         robust = [r * c for r, c in zip(robust_weights(linear), counts, strict=True)]
         model = replace(model, unknowns=widened(declared, x))
         converged = minimum.converged or minimum.stuck
@@ -148,9 +150,14 @@ def determined(linear: NormalEquations, layout: Unknowns) -> float:
     return float(layout.count - np.trace(inverse(linear.normal) / layout.sigma[:, None] ** 2))
 
 
-def unexplained(model: Model, linear: NormalEquations) -> ExcessNoise:
-    """Position and rotation variance of the residual beyond what the sensors explain."""
+def unexplained(model: Model, linear: NormalEquations, before: ExcessNoise) -> ExcessNoise:
+    """Position and rotation variance of the residual beyond what the sensors explain.
+
+    By largest likelihood where some directions are measured much better than others.
+    """
     spare = max(0.05, 1.0 - determined(linear, model.unknowns) / linear.equations)
+    if any(group.factor is not None for group in model.poses.groups):
+        return likeliest(model, linear, before, OF_POSES, spare, FURTHEST)
     position = rotation = 0.0
     count = turns = 0.0
     for point, robust in zip(linear.evaluations, linear.robust, strict=True):

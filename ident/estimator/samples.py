@@ -19,6 +19,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.clock import Clock
 from ballbar.cell.geometry import BAR_ROWS, Geometry
 from ballbar.cell.robot_angles import by_axis
+from ballbar.cell.statistics import rms
 from ballbar.ident.corrections.base import BAR, GEAR, PLATE, ROD
 from ballbar.ident.estimator.closure import (
     Closure,
@@ -155,6 +156,28 @@ class Samples:
         np.multiply(columns[ROD], np.hypot(excess.rod, self.length_noise), out=out[ROD])
         np.multiply(point.time_column, self.stamp_noise, out=out[PLATE])
         return out
+
+    @property
+    def silent(self) -> Samples:
+        """The same without noise."""
+        return replace(
+            self,
+            joint_noise=np.zeros_like(self.joint_noise),
+            encoder_noise=np.zeros(BAR_ROWS),
+            length_noise=0.0,
+            stamp_noise=0.0,
+        )
+
+    @property
+    def noise_sources(self) -> list[tuple[str, Samples, float]]:
+        """Name and standard deviation [m, rad, s] of each noise of the logs, the others off."""
+        silent, sensed = self.silent, self.encoder_noise[[j - 1 for j in self.encoders]]
+        return [
+            ("joint_log", replace(silent, joint_noise=self.joint_noise), rms(self.joint_noise)),
+            ("bar_log", replace(silent, encoder_noise=self.encoder_noise), rms(sensed)),
+            ("length_log", replace(silent, length_noise=self.length_noise), self.length_noise),
+            ("stamps", replace(silent, stamp_noise=self.stamp_noise), self.stamp_noise),
+        ]
 
     @property
     def measures_length(self) -> bool:

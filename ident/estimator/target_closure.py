@@ -112,12 +112,26 @@ class TargetClosure:
             motion[3:, 3:] = self.robot.rotation(-1).transpose(1, 0, 2)
         return _of_rotation_vector(error_of_robot_motion(self.error, motion), change, -1.0)
 
-    def sensor_columns(self, sigma: Array) -> Array:
-        """(K, 6, N) change of the error for one standard deviation of each value.
+    def value_columns(self, change: Array) -> Array:
+        """(K, 6, N) change of the error for changes (N, 6, K) [m, rad] of measured poses: shifts
+        and turns along the seat's axes.
+        """
+        turn = self.seat.rotation
+        out = np.concatenate((turn @ change[:, :3], turn @ change[:, 3:]), axis=1)
+        out = out.transpose(2, 1, 0)
+        out[:, 3:] = inverse_left_jacobian(self.error[3:], out[:, 3:])
+        return np.asarray(out)
+
+    def sensor_columns(self, sigma: Array, factor: Array | None = None) -> Array:
+        """(K, 6, N) change of the error for one standard deviation of each source of noise.
 
         sigma : (N, K) [m, rad], of the directions that are sensed and of three turns where the
-        orientation is.
+        orientation is. factor : (N, K, K) of their correlation; None where they are independent.
         """
+        if factor is not None:
+            spread = np.zeros((self.size, 6, sigma.shape[1]))
+            spread[:, : sigma.shape[1]] = sigma[:, :, None] * factor
+            return self.value_columns(spread)
         per_value = self.sight.per_value
         out = np.zeros((sigma.shape[1], 6, self.size))
         out[: len(per_value), :3] = per_value * sigma[:, : len(per_value)].T[:, None]

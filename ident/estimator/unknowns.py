@@ -24,7 +24,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.clock import Clock
 from ballbar.cell.geometry import Geometry, Parameter
 from ballbar.cell.placement import Placement
-from ballbar.cell.poses import PoseTable
+from ballbar.cell.poses import CommonErrors, PoseTable
 from ballbar.ident.corrections.base import Coefficient
 
 MAX_OFFSET_STEP = 3.0  # [s] a longer step leaves the region where the splines say anything
@@ -61,14 +61,15 @@ class Placed:
     flange: Array  # its values where it ends in the bare flange
     # offset [s] and skew of instruments that followed a robot, by the name of their recording
     clocks: dict[str, slice]
+    common: dict[str, slice]  # unknowns of unit variance of CommonErrors, by their name
 
     def shifted(self, shift: int) -> Placed:
         """The places after `shift` more unknowns."""
-        seats, targets, clocks = (
+        seats, targets, clocks, common = (
             {name: _further(part, shift) for name, part in places.items()}
-            for places in (self.seats, self.targets, self.clocks)
+            for places in (self.seats, self.targets, self.clocks, self.common)
         )
-        return replace(self, seats=seats, targets=targets, clocks=clocks)
+        return replace(self, seats=seats, targets=targets, clocks=clocks, common=common)
 
 
 NOWHERE = Placed(
@@ -79,6 +80,7 @@ NOWHERE = Placed(
     last_row=np.zeros(0, dtype=np.intp),
     flange=np.zeros(0),
     clocks={},
+    common={},
 )
 
 
@@ -177,6 +179,10 @@ class Unknowns:
         """A target in the flange's frame; turns about its own axes."""
         change = x[self.placed.targets[name]]
         return self.placed.target_starts[name].moved(change, about_own_axes=True)
+
+    def common(self, x: Array, errors: CommonErrors | None) -> Array:
+        """(U,) unknowns in place of an instrument's common errors; none where it has none."""
+        return np.zeros(0) if errors is None else x[self.placed.common[errors.name]]
 
     def held(self, targets: Iterable[str] = ()) -> Unknowns:
         """The same with robot, coefficients and some targets held at their priors' means."""

@@ -17,8 +17,9 @@ from scipy.optimize import minimize, minimize_scalar
 
 from ballbar.cell.arrays import Array
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.estimator.model import Evaluation
+from ballbar.ident.estimator.model import Evaluation, Model
 from ballbar.ident.estimator.noise import ExcessNoise
+from ballbar.ident.estimator.normal_equations import NormalEquations
 from ballbar.ident.estimator.whitening import cholesky, covariance, solve_lower
 
 LOWEST, HIGHEST = 1e-8, 3e-3  # [rad, m] below every noise of the logs; above every model error
@@ -57,18 +58,33 @@ def _rod_deviance(log_variance: float, projection: Array, weight: Array) -> floa
 
 def excess_noise(fit: Fit) -> ExcessNoise:
     """The variance components of the residuals of a fit."""
-    data = sum(r.size for r in fit.linear.residuals)
-    share = np.sqrt(data / max(1, fit.degrees))
     components = COMPONENTS if fit.model.table is None else (*COMPONENTS, *OF_POSES)
-    robust = fit.linear.robust or [np.ones(point.samples.size) for point in fit.linear.evaluations]
+    freedom = fit.degrees / sum(r.size for r in fit.linear.residuals)
+    return likeliest(fit.model, fit.linear, fit.excess, components, freedom)
+
+
+def likeliest(
+    model: Model,
+    linear: NormalEquations,
+    start: ExcessNoise,
+    components: Sequence[str],
+    freedom: float,
+    highest: float = HIGHEST,
+) -> ExcessNoise:
+    """The variance components of residuals.
+
+    freedom : degrees of freedom over equations. highest : [m, rad] bound of each component.
+    """
+    share = 1.0 / np.sqrt(max(freedom, 1.0 / linear.equations))
+    robust = linear.robust or [np.ones(point.samples.size) for point in linear.evaluations]
     likelihoods = [
         _Likelihood.of(
             point,
-            fit.model.backlash_uncertainty(fit.x, point),
+            model.backlash_uncertainty(linear.x, point),
             share * point.closure.error * weight,
             components,
         ).part(weight > 0.0)
-        for point, weight in zip(fit.linear.evaluations, robust, strict=True)
+        for point, weight in zip(linear.evaluations, robust, strict=True)
     ]
 
     def deviance(logs: Array) -> tuple[float, Array]:
@@ -76,13 +92,14 @@ def excess_noise(fit: Fit) -> ExcessNoise:
         values, slopes = zip(*(each.deviance(variances) for each in likelihoods), strict=True)
         return sum(values), variances * np.sum(slopes, axis=0)
 
-    bounds = [(2.0 * float(np.log(LOWEST)), 2.0 * float(np.log(HIGHEST)))] * len(components)
+    bounds = [(2.0 * float(np.log(LOWEST)), 2.0 * float(np.log(highest)))] * len(components)
     search = partial(minimize, deviance, jac=True, method="L-BFGS-B", bounds=bounds)
-    start = np.log(np.square(np.clip([getattr(fit.excess, c) for c in components], 1e-6, HIGHEST)))
-    optimum = search(start)
-    moved = optimum.x != start
+    sizes = np.clip([getattr(start, c) for c in components], 1e-6, highest)
+    begin = np.log(np.square(sizes))
+    optimum = search(begin)
+    moved = optimum.x != begin
     if (optimum.x[moved] < 2.0 * np.log(2.0 * LOWEST)).all():  # no slope leads back from there
-        again = search(np.where(moved, 2.0 * np.log(LITTLE), start))
+        again = search(np.where(moved, 2.0 * np.log(LITTLE), begin))
         optimum = min(optimum, again, key=lambda solution: solution.fun)
     sigmas = np.exp(0.5 * optimum.x).tolist()
     return ExcessNoise(**dict(zip(components, sigmas, strict=True)))

@@ -52,6 +52,15 @@ class PoseCovariance:
 
         return uncertainty
 
+    def poses(self, robot: IdentifiedRobot) -> Array:
+        """(G, J) [rad] poses within the fitted ranges, over which the uncertainty is stated."""
+        return robot.workspace()
+
+    def columns(self, robot: IdentifiedRobot) -> Array:
+        """(3G, U) [m] error of the target at `poses` per unit of each unknown, from the seat."""
+        moves = self.jacobian(robot)(self.poses(robot))
+        return np.asarray(moves.transpose(2, 1, 0).reshape(-1, len(moves)))
+
     def jacobian(self, robot: IdentifiedRobot) -> Callable[[Array], Array]:
         """Function of q (N, J) [rad] that gives (U, 3, N) change of the target, seen from the seat
         [m], per unit of each unknown.

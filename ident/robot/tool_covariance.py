@@ -18,7 +18,7 @@ import numpy as np
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.payload import TOOL, with_deviations
-from ballbar.ident.robot.accuracy import accuracy_grid
+from ballbar.ident.robot.accuracy import accuracy_grid, aligned_columns
 from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
@@ -41,6 +41,15 @@ class ToolCovariance:
     def of(self, robot: IdentifiedRobot) -> Callable[[Array], PositionUncertainty]:
         """Uncertainty of the tool's position as a function of q (N, J) [rad]."""
         return error_fields(robot, self).uncertainty
+
+    def poses(self, robot: IdentifiedRobot) -> Array:
+        """(G, J) [rad] the accuracy grid, over which the TCP uncertainty is stated."""
+        return accuracy_grid(robot.robot)
+
+    def columns(self, robot: IdentifiedRobot) -> Array:
+        """(3G, U) [m] error of the tool at `poses` per unit of each unknown, base aligned."""
+        grid = self.poses(robot)
+        return aligned_columns(robot.poses(grid)[:, :3, 3], _moves(robot, self, grid))
 
     @property
     def of_names(self) -> Array:
@@ -106,6 +115,12 @@ def error_fields(robot: IdentifiedRobot, covariance: ToolCovariance) -> ErrorFie
 
 def _errors(robot: IdentifiedRobot, covariance: ToolCovariance, q: Array) -> tuple[Array, Array]:
     """(N, 3) [m] positions of the tool, and (N, 3, R) [m] their errors."""
+    errors = _moves(robot, covariance, q).transpose(2, 1, 0) @ covariance.root
+    return robot.poses(q)[:, :3, 3], errors
+
+
+def _moves(robot: IdentifiedRobot, covariance: ToolCovariance, q: Array) -> Array:
+    """(U, 3, N) [m] motion of the tool per unit of each unknown of the covariance."""
     table = robot.geometry.table
     parameters = [table.index[name] for name in covariance.names if name in table.index]
     moves = robot.pose_jacobian(q, np.array(parameters, dtype=np.intp))
@@ -116,8 +131,7 @@ def _errors(robot: IdentifiedRobot, covariance: ToolCovariance, q: Array) -> tup
     if len(covariance.masses):
         cells = [with_deviations(robot.cell, row) for row in covariance.masses]
         moves = np.concatenate((moves, robot.pose_moved_by_masses(cells, q)))
-    errors = robot.tool_moves(moves, q).transpose(2, 1, 0) @ covariance.root
-    return robot.poses(q)[:, :3, 3], errors
+    return robot.tool_moves(moves, q)
 
 
 def with_exact_tool(covariance: ToolCovariance) -> ToolCovariance:

@@ -1,0 +1,218 @@
+"""Characteristics that measurements of a robot show: repeated poses, laps of a path, circles.
+
+A path that is passed several times while an instrument follows has path accuracy and repeatability;
+one on a circle is a circular test, by positions or by the length of a telescoping ball-bar about
+its seat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballbar.cell.arrays import Array
+from ballbar.cell.placement import Placement
+from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.statistics import rms
+from ballbar.ident.performance import iso_230_4 as circular
+from ballbar.ident.performance import iso_9283 as iso
+from ballbar.ident.performance.characteristics import Characteristic, Statement, not_stated
+from ballbar.ident.performance.cube import TestCube
+from ballbar.ident.performance.predicted import RobotPair
+from ballbar.ident.performance.repeated_poses import (
+    LEAST_CYCLES,
+    NOT_CORRECTED,
+    Attained,
+    attained,
+    noise_remark,
+    repeated,
+)
+
+POINTS = 100  # of a path at which its normal planes stand
+SAME = 0.01  # of the extent of the angles within which two instants are of one point of a path
+REGULAR = 0.01  # of a lap by which laps may differ in length
+BEYOND = 0.03  # of a lap, before and behind it, in which planes may be passed as well
+CIRCLE_ROWS = 36  # from which a commanded path may be a circle
+ROUND = 0.01  # of its radius by which a commanded circle may be off
+
+Circle = tuple[str, circular.CircularTest]
+
+
+def measure(
+    robots: RobotPair,
+    targets: Mapping[str, Placement],
+    table: PoseTable,
+    cube: TestCube | None,
+    *,
+    radius: float | None = None,
+) -> tuple[list[Characteristic], list[Circle]]:
+    """Rows of a table's groups, and its circles, each with its place.
+
+    targets : those that the result knows. radius : [m] nominal length of a telescoping ball-bar.
+    """
+    rows, circles = list[Characteristic](), list[Circle]()
+    for group in table.groups:
+        circle = None
+        if group.kind.directions == 3:
+            seen = attained(robots, group, targets.get(group.target))
+            moved = group.motion is not None
+            rows += path_rows(group, seen) if moved else repeated(group, seen, cube)
+            circle = circle_of(seen, group)
+        elif group.kind.names == ("length",):
+            ends = robots.nominal.identified.ends(group.q)
+            circle = circle_of_lengths(ends[:, :3, 3], group, radius)
+        if circle is not None:
+            place = "circle" if len(table.groups) == 1 else f"circle about {group.seat}"
+            rows += circle_rows(place, circle)
+            circles.append((place, circle.test))
+    return rows, circles
+
+
+def laps_of(time: Array, q: Array) -> tuple[Array, float]:
+    """Starts (n,) [s] and length [s] of the laps of a path; no starts where none is repeated.
+
+    time : (N,) [s]; q : (N, J) [rad]. A lap is from one passage of the fastest point of the first
+    half to the next in the same direction, and passes the same angles as the first one.
+    """
+    speed = np.gradient(q, time, axis=0)
+    reference = int(np.linalg.norm(speed[: time.size // 2], axis=1).argmax())
+    extent = float(np.ptp(q, axis=0).max())
+    away = np.abs(q - q[reference]).max(axis=1)
+    rows = np.flatnonzero((away < SAME * extent) & (speed @ speed[reference] > 0.0))
+    passages = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    starts = time[[int(own[away[own].argmin()]) for own in passages]]
+    if starts.size < 2:
+        return starts[:0], 0.0
+    length = float(np.median(np.diff(starts)))
+    starts = starts[:-1][np.abs(np.diff(starts) - length) < REGULAR * length]
+    shares = length * np.linspace(0.0, 1.0, POINTS, endpoint=False)
+    paths = np.stack([np.interp(starts[:, None] + shares, time, column) for column in q.T])
+    off = np.abs(paths - paths[:, :1]).max(axis=(0, 2), initial=0.0)
+    return starts[off < 2.0 * SAME * extent], length
+
+
+def path_rows(group: PoseGroup, seen: Sequence[Attained]) -> Iterator[Characteristic]:
+    """AT and RT of a path that was passed several times while an instrument followed."""
+    assert group.time is not None  # an instrument that follows has a clock
+    starts, length = laps_of(group.time, group.q)
+    if starts.size < LEAST_CYCLES:
+        return
+    laps = [_laps(group.time, each, starts, length) for each in seen]
+    accuracy = [Statement("measured", iso.path_accuracy(*each)) for each in laps]
+    value, remark = iso.path_repeatability(laps[1][0]), noise_remark(group)
+    spread = Statement("measured", value, reason=remark)
+    yield Characteristic("AT_p", "path", (*accuracy, NOT_CORRECTED), starts.size)
+    yield Characteristic("RT_p", "path", (spread,) * 3, starts.size)
+
+
+def _laps(time: Array, seen: Attained, starts: Array, length: float) -> tuple[Array, Array]:
+    """Attained paths (n, m, 3) [m] in the normal planes of the commanded points (m, 3) [m].
+
+    Points whose plane some lap does not pass, such as at its ends, are left out.
+    """
+    instants = starts[0] + length * np.linspace(0.0, 1.0, POINTS, endpoint=False)
+    commanded = np.column_stack([np.interp(instants, time, column) for column in seen.commanded.T])
+    paths = []
+    for start in starts:
+        first, last = start - BEYOND * length, start + (1.0 + BEYOND) * length
+        rows = (time >= first) & (time <= last)
+        paths.append(iso.in_normal_planes(seen.points[rows], commanded))
+    passed = np.isfinite(paths).all(axis=(0, 2))
+    return np.stack(paths)[:, passed], commanded[passed]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredCircle:
+    """Circular test of the mean path of all laps, and what the identified robot leaves of it."""
+
+    test: circular.CircularTest
+    left: circular.CircularTest | None  # None: not known
+    laps: int
+    noise: float  # [m] standard deviation of one point along the radius; 0 where not stated
+
+
+def circle_of(seen: Sequence[Attained], group: PoseGroup) -> MeasuredCircle | None:
+    """The circle of a group's positions; None where the commanded path is no full circle.
+
+    seen : by the nominal and the identified robot.
+    """
+    nominal, identified = seen
+    if (commanded := _commanded_circle(nominal.commanded)) is None:
+        return None
+    centre, axes, radius = commanded
+    left = nominal.commanded + identified.points - identified.commanded
+    paths = [(points - centre) @ axes.T for points in (nominal.points, left)]
+    return _measured_circle(paths, radius, group)
+
+
+def circle_of_lengths(
+    commanded: Array, group: PoseGroup, radius: float | None
+) -> MeasuredCircle | None:
+    """The circle of a telescoping ball-bar; None where the path is no full circle.
+
+    commanded : (N, 3) [m] path of the flange, whose angle about its own centre is that of the bar.
+    radius : [m] nominal length of the bar; None: the mean length.
+    """
+    if (circle := _commanded_circle(commanded)) is None:
+        return None
+    across = (commanded - circle[0]) @ circle[1].T
+    along = across / np.linalg.norm(across, axis=1)[:, None]
+    return _measured_circle([group.values * along], radius or float(group.values.mean()), group)
+
+
+def _measured_circle(
+    paths: Sequence[Array], radius: float, group: PoseGroup
+) -> MeasuredCircle | None:
+    """The circle of one or two paths (N, 2) [m]; None where they are no full circle."""
+    try:
+        tests = [circular.circular_test(path, radius) for path in paths]
+        means = [circular.circular_test(circular.mean_path(test), radius) for test in tests]
+    except ValueError:
+        return None
+    noise = rms(group.sigma[:, :3]) * float(np.sqrt(means[0].angle.size / tests[0].angle.size))
+    return MeasuredCircle(means[0], means[1] if means[1:] else None, tests[0].laps, noise)
+
+
+def _commanded_circle(points: Array) -> tuple[Array, Array, float] | None:
+    """Centre (3,) [m], axes (2, 3) and radius [m] of commanded points (N, 3) [m] on a circle."""
+    if len(points) < CIRCLE_ROWS:
+        return None
+    origin, axes = circular.plane_of(points)
+    across = (points - origin) @ axes.T
+    middle, radius = circular.least_squares_circle(across)
+    off = np.linalg.norm(points - origin - across @ axes, axis=1)
+    away = np.abs(np.linalg.norm(across - middle, axis=1) - radius)
+    if max(off.max(), away.max()) > ROUND * radius:
+        return None
+    return origin + middle @ axes, axes, radius
+
+
+def circle_rows(place: str, circle: MeasuredCircle) -> Iterator[Characteristic]:
+    """G, F and roundness of a circle."""
+    count = circle.test.angle.size
+    # expected range of so many normal values (Cramer 1946)
+    width = 2.0 * circle.noise * float(np.sqrt(2.0 * np.log(count))) * 1e3
+    remark = f"about {width:.2g} mm would follow from the instrument's stated noise alone"
+    values, rest = _circular(circle.test), None if circle.left is None else _circular(circle.left)
+    own = not_stated("a length alone does not place the bar on the identified robot")
+    for symbol, value in values.items():
+        measured = Statement("measured", value, reason=remark if width > 0.0 else "")
+        if rest is not None:
+            own = Statement("measured", rest[symbol], reason="what the identified robot leaves")
+        if value is not None:
+            yield Characteristic(symbol, place, (measured, own, NOT_CORRECTED), circle.laps)
+
+
+def _circular(test: circular.CircularTest) -> dict[str, float | None]:
+    """The characteristics of a circular test by their symbols; None of a direction not passed."""
+    most, least = test.radial_deviation
+    return {
+        "G": circular.circular_deviation(test, counter_clockwise=True),
+        "G_cw": circular.circular_deviation(test, counter_clockwise=False),
+        "G(b)": circular.bidirectional_deviation(test),
+        "F_max": most,
+        "F_min": least,
+        "RONt": test.roundness,
+    }

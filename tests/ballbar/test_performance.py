@@ -1,0 +1,117 @@
+"""`ballbar performance`: terminal, JSON and page, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ballbar.result.calibration import load
+from ballbar.result.performance import performance, robots_of
+from tests.helpers.command_line import output, refusal
+from tests.helpers.pose_results import write_pose_result, write_pose_table
+from tests.helpers.still_poses import table_of, true_robot
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The result of still poses of a UR5."""
+    return write_pose_result(tmp_path_factory.mktemp("ur5") / "calibration.yaml", "ur5", seed=3)
+
+
+@pytest.fixture(scope="module")
+def repetitions(result: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Poses of its test cube, ten times, of another UR5 with the target `ball`."""
+    poses = performance(result).poses
+    assert poses is not None
+    nominal = robots_of(load(result)).nominal
+    solved = nominal.inverse(poses[:1]).q[:, 0]
+    q = nominal.nearest(poses, solved[np.isfinite(solved).all(axis=1)][0]).q
+    table = table_of(true_robot("ur5", seed=3), "point", q=np.tile(q, (10, 1)), noise=1e-5)
+    return write_pose_table(
+        tmp_path_factory.mktemp("cube") / "poses", table, "ur5", table.groups[0].q, "ball"
+    )
+
+
+def test_a_result_alone_is_predicted(result: Path) -> None:
+    text = output("performance", result)
+    assert "test cube of 630 mm (ISO 9283:1998, 6.8)" in text
+    (line,) = (line for line in text.splitlines() if line.startswith("AP_p   P1 "))
+    assert line.count(" mm p") == 3  # nominal, identified and corrected
+    assert "m measured, p predicted" in text
+    assert "how the servo stops is not known: measure repetitions" in text
+    assert " mm m" not in text
+
+
+def test_repeated_poses_are_measured(result: Path, repetitions: Path) -> None:
+    data = json.loads(output("performance", result, repetitions, "--json"))
+    rows = {(row["symbol"], row["place"]): row for row in data["characteristics"]}
+    spread = next(row for row in rows.values() if row["symbol"] == "RP_l")
+    assert spread["cycles"] == 10
+    assert spread["clause"] == "ISO 9283:1998, 7.2.2"
+    assert spread["nominal"]["origin"] == "measured"
+    assert 1e-5 < spread["nominal"]["value"] < 1e-4
+    assert data["cube_side_m"] == 0.63
+    assert len(data["cube_poses"]) == 5
+    assert rows["AP_p", "workspace, mean"]["nominal"]["origin"] == "predicted"
+
+
+def test_the_page_marks_every_value(result: Path, repetitions: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    assert f"Wrote {page}" in output("performance", result, repetitions, "--out", page)
+    text = page.read_text()
+    assert '<span class="origin measured">measured</span>' in text
+    assert '<span class="origin predicted">predicted</span>' in text
+    assert "not stated" in text
+    assert "pose repeatability" in text
+    assert "ISO 9283:1998, 7.2.3" in text
+    assert "http" not in text
+    assert "exists already" in refusal("performance", result, "--out", page)
+
+
+def test_a_circle_is_drawn(result: Path, tmp_path: Path) -> None:
+    """Points 80 mm about a place that the cube holds, by a robot like the nominal one."""
+    stated, nominal = performance(result), robots_of(load(result)).nominal
+    assert stated.poses is not None
+    turn = np.linspace(0.0, 2.0 * np.pi, 121)
+    poses = np.tile(stated.poses[0], (turn.size, 1, 1))
+    poses[:, 0, 3] += 0.08 * np.cos(turn)
+    poses[:, 1, 3] += 0.08 * np.sin(turn)
+    solved = nominal.inverse(poses[:1])
+    q = nominal.nearest(poses, solved.q[int(solved.within[:, 0].argmax()), 0]).q
+    true = true_robot("ur5", seed=3)
+    table = table_of(true, "point", q=np.concatenate((q, q[::-1])), noise=2e-6)
+    folder = write_pose_table(tmp_path / "circle", table, "ur5", table.groups[0].q, "big ball")
+    page = tmp_path / "page.html"
+    text = output("performance", result, folder, "--out", page)
+    assert "G(b)   circle" in text
+    (line,) = (line for line in text.splitlines() if line.startswith("RONt"))
+    assert " mm m" in line
+    shown = page.read_text()
+    assert "Polar plot of the circle" in shown
+    assert "magnified" in shown
+    assert "counter-clockwise" in shown
+
+
+def test_what_cannot_be_done_is_refused(result: Path, tmp_path: Path) -> None:
+    assert "does not take the poses of a cube of 3 m" in refusal(
+        "performance", result, "--cube", 3000
+    )
+    assert "--radius 0: expected a length above 0 mm" in refusal(
+        "performance", result, "--radius", 0
+    )
+    table = table_of(true_robot("ur10", seed=3), "point", count=20)
+    other = write_pose_table(tmp_path / "other", table, "ur10", table.groups[0].q, "ball")
+    assert "A result is tried on measurements of the same robot" in refusal(
+        "performance", result, other
+    )
+
+
+def test_measurements_without_repetition_are_said_to_show_nothing(
+    result: Path, tmp_path: Path
+) -> None:
+    table = table_of(true_robot("ur5", seed=3), "point", count=20)
+    folder = write_pose_table(tmp_path / "once", table, "ur5", table.groups[0].q, "ball")
+    assert "The measurements hold no pose three times" in output("performance", result, folder)

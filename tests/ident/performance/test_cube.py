@@ -1,0 +1,71 @@
+"""The test cube of ISO 9283 and the poses that a robot takes in it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ballbar.cell.chain import forward
+from ballbar.cell.geometry import nominal_chain, robot_geometry
+from ballbar.cell.load import load_robot
+from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.ident.performance.cube import SIDES, cube_points, fitting_cube
+from ballbar.ident.robot.identified import IdentifiedRobot
+from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics, kinematics
+
+
+def test_five_poses_lie_on_the_diagonals_of_a_plane() -> None:
+    """An edge of 1000 mm about (1, 2, 3): a tenth of a diagonal of sqrt(3) m from its end is
+    0.1 m along each axis from the corners (0.5, 1.5, 2.5), (0.5, 2.5, 2.5), (1.5, 2.5, 3.5) and
+    (1.5, 1.5, 3.5).
+    """
+    points = cube_points(1.0, np.array([1.0, 2.0, 3.0]))
+    expected = [[1.0, 2.0, 3.0], [0.6, 1.6, 2.6], [0.6, 2.4, 2.6], [1.4, 2.4, 3.4], [1.4, 1.6, 3.4]]
+    assert points == pytest.approx(np.array(expected), abs=1e-12)
+    normal = np.cross(points[1] - points[0], points[2] - points[0])
+    assert (points - points[0]) @ normal == pytest.approx(np.zeros(5), abs=1e-12)
+
+
+def nominal_robot(name: str) -> tuple[IdentifiedKinematics, IdentifiedRobot]:
+    """Kinematics of a robot by its file, and the same as if it had been identified."""
+    robot = load_robot(name)
+    identified = IdentifiedRobot(robot, robot_geometry(robot))
+    return kinematics(identified, nominal_chain(robot)), identified
+
+
+@pytest.mark.parametrize("name", ["irb2400", "ur5", "kr10_r1100"])
+def test_the_largest_standard_cube_that_fits_is_taken(name: str) -> None:
+    nominal, identified = nominal_robot(name)
+    cube = fitting_cube(nominal, identified)
+    assert cube is not None
+    poses = forward(nominal_chain(nominal.robot), cube.q).poses()  # not by the inverse's own error
+    assert poses == pytest.approx(cube.poses, abs=1e-6)
+    axes = joints_to_axes(nominal.robot, cube.q)
+    assert ((axes >= nominal.robot.axis_lower) & (axes <= nominal.robot.axis_upper)).all()
+    corners = cube_points(cube.side, cube.poses[0, :3, 3])
+    assert cube.poses[:, :3, 3] == pytest.approx(corners, abs=1e-9)
+    assert np.ptp(cube.poses[:, :3, :3], axis=0).max() < 1e-12  # one orientation
+    centre = cube.poses[0, :3, 3]
+    assert centre[2] >= 0.5 * cube.side  # on the base's side of the floor
+    assert np.abs(centre[:2]).max() > 0.5 * cube.side  # the base is not in it
+    larger = [side for side in SIDES if side > cube.side]
+    assert all(fitting_cube(nominal, identified, side) is None for side in larger)
+
+
+def test_a_cube_within_the_fitted_ranges_is_preferred() -> None:
+    """Ranges about the poses of a smaller cube make it the one where something is stated."""
+    nominal, identified = nominal_robot("ur5")
+    largest = fitting_cube(nominal, identified)
+    small = fitting_cube(nominal, identified, 0.25)
+    assert largest is not None
+    assert small is not None
+    ranges = np.stack((small.q.min(axis=0), small.q.max(axis=0)), axis=1)
+    fitted = IdentifiedRobot(identified.robot, identified.geometry, ranges=ranges)
+    chosen = fitting_cube(nominal, fitted)
+    assert chosen is not None
+    assert chosen.side == 0.25 < largest.side
+    assert fitted.covered(chosen.q).all()
+
+
+def test_no_cube_of_five_metres_fits() -> None:
+    assert fitting_cube(*nominal_robot("irb2400"), 5.0) is None
