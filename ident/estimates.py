@@ -90,7 +90,9 @@ def result_of(
     if masses_in_doubt(softer):
         robot = with_doubt_of_masses(robot, softer)
     estimates = tuple(
-        _recording(cell, r, best, k if complete else 0, stated, known, options, rms(robot.tcp_sigma))
+        _recording(
+            cell, r, best, k if complete else 0, stated, known, options, rms(robot.tcp_sigma)
+        )
         for k, r in enumerate(single)
     )
     first = single[0]
@@ -100,6 +102,7 @@ def result_of(
         unknowns=layout.count,
         chi2_per_dof=fit.chi2_per_dof,
         autocorrelation=stated.autocorrelation,
+        coloured=stated.coloured,
         excess=fit.excess,
         rank=first.subset.rank,
         condition=first.subset.condition,

@@ -101,6 +101,7 @@ class Uncertainty:
     doubt: Array  # (P, L) shifts by what contradicts itself: known lengths, and beyond priors
     inflation: Array  # (P,) factor on each standard deviation over that of white residuals
     step: Array  # (P,) from the fit to the estimate that allows for ripple no file lists
+    coloured: float  # variance of the residual along ripple of all orders, over white noise
     information_gain: Array  # (P,) 1 - (posterior sigma / prior sigma)^2: 0 prior alone, 1 data
     autocorrelation: float  # of neighbours in the whitened residual
     blocks: int  # of time, that the inflation comes from
@@ -143,6 +144,7 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
         doubt=doubt,
         inflation=np.sqrt(inflation**2 + np.diag(by_ripple) / white),
         step=ripple.step,
+        coloured=ripple.noise,
         information_gain=gain,
         autocorrelation=mean_autocorrelation(fit),
         blocks=blocks,

@@ -60,7 +60,9 @@ def test_the_shifts_are_those_of_the_posterior_of_all_amplitudes(machine_fit: Fi
     moved = fit.covariance @ mixed
     expected = moved @ posterior @ moved.T
     assert np.diag(ripple.shifts @ ripple.shifts.T) == pytest.approx(np.diag(expected), rel=1e-4)
-    assert ripple.step == pytest.approx(moved @ mean, rel=1e-4, abs=1e-4 * np.abs(moved @ mean).max())
+    assert ripple.step == pytest.approx(
+        moved @ mean, rel=1e-4, abs=1e-4 * np.abs(moved @ mean).max()
+    )
     left = model.residual - (mean @ columns).reshape(model.residual.shape)
     assert np.hstack(ripple.residuals) == pytest.approx(left, abs=1e-3)
 
