@@ -17,7 +17,7 @@ from ballbar.cell.errors import DescriptionError
 from ballbar.cell.file_units import AngleUnit, LengthUnit, Rotation
 from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.poses import KnownDistance
-from ballbar.cell.schema import Positive, Strict
+from ballbar.cell.schema import Day, Positive, Strict
 from ballbar.cell.schema_errors import nearest, wrong_key
 from ballbar.cell.strict_yaml import load_model
 from ballbar.cell.temperature import Temperatures
@@ -240,6 +240,8 @@ class PosesFile(Temperatures):
     """A file of cell/instruments, or a path from this file."""
     tables: tuple[PoseTableFile, ...] = Field(min_length=1, max_length=500)
     distances: tuple[KnownDistances, ...] = ()
+    measured_on: Day | None = None
+    """Day of the measurement, such as 2026-03-31; by default as a column of times shows it."""
     notes: str = ""
 
 

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from ballbar.cell.errors import DescriptionError
 from ballbar.cell.file_units import AngleUnit, LogLengthUnit, Rotation
 from ballbar.cell.logs import SourceName
-from ballbar.cell.schema import EncoderLines, Strict
+from ballbar.cell.schema import Day, EncoderLines, Strict
 from ballbar.cell.schema_errors import wrong_key
 from ballbar.cell.strict_yaml import load_model
 from ballbar.cell.temperature import Temperatures
@@ -129,6 +129,8 @@ class RecordingFile(Temperatures):
     encoders: dict[EncoderName, EncoderFitting] = Field(
         default_factory=dict, description="The ball-bar's, b1 to b5."
     )
+    measured_on: Day | None = None
+    """Day of the measurement, such as 2026-03-31; by default as the time stamps show it."""
     notes: str = Field("", description="Anything else that is to be remembered.")
 
     @model_validator(mode="after")

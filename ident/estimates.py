@@ -148,9 +148,7 @@ def result_of(
         undoubted = robot_estimate(cell, single[0], best, stated.undoubted(), known, deviated)
         if contradiction := _contradiction(poses, rms(undoubted.tcp_sigma)):
             verdict = verdict.with_warning(contradiction)
-    return Identification(
-        robot, estimates, statistics, verdict, poses, solved=fit, blocks=stated.blocks
-    )
+    return Identification(robot, estimates, statistics, verdict, poses, solved=fit, stated=stated)
 
 
 def result_at_rest(poses: TableEstimate, *, elsewhere: bool = False) -> Identification:
@@ -163,9 +161,7 @@ def result_at_rest(poses: TableEstimate, *, elsewhere: bool = False) -> Identifi
         fit.converged, fit.iterations, fit.model.unknowns.count, fit.chi2_per_dof, fit.excess
     )
     verdict = judge([Evidence(table=poses, elsewhere=elsewhere)])
-    return Identification(
-        robot_at_rest(poses), (), statistics, verdict, poses, solved=fit, blocks=poses.blocks
-    )
+    return Identification(robot_at_rest(poses), (), statistics, verdict, poses, solved=fit)
 
 
 def _remarks(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ballbar.ident.robot.budget import COVERAGE, MIXED, Budget, BudgetRow
+from ballbar.ident.robot.budget import MIXED, Budget, BudgetRow
+from ballbar.ident.robot.coverage import COVERAGE
 from ballbar.report.numbers import fixed, listed, millimetres, significant
 from ballbar.report.section import Section, machine_row, section
 from ballbar.result.run_data import RunData
@@ -10,6 +11,7 @@ from ballbar.result.temperature_entries import TemperatureEntry, temperature_ent
 from ballbar.units import MM
 
 LITTLE = 1e-3  # share of the variance below which rows are added up
+MANY = 1e5  # degrees of freedom that count as infinite in a table
 NAMED = 3  # rows of the sentence
 _UNITS = {"m": (1e6, "µm"), "rad": (1e6, "µrad"), "s": (1e6, "µs")}  # as they are shown
 
@@ -59,7 +61,7 @@ def temperature_sentence(entry: TemperatureEntry | None) -> str:
         return "Temperature: not stated, so lengths are not referred to 20 °C."
     pairs = ("robot", entry.robot_C), ("instrument", entry.instrument_C)
     warm = listed([f"{what} {fixed(t, 1)} °C" for what, t in pairs if t is not None])
-    sigma = f"± {significant(entry.sigma_K)} K{' (assumed)' * entry.sigma_assumed}"
+    sigma = f"± {significant(entry.sigma_K, 2)} K{' (assumed)' * entry.sigma_assumed}"
     out = f"Temperature: {warm} {sigma}. "
     if entry.plate_expansion_per_K is not None:
         ppm = fixed(entry.plate_expansion_per_K * 1e6, 1)
@@ -94,4 +96,4 @@ def _cells(row: BudgetRow) -> tuple[str, ...]:
 
 
 def _freedom(freedom: float | None) -> str:
-    return "∞" if freedom is None else fixed(freedom, 0)
+    return "∞" if freedom is None or freedom > MANY else fixed(freedom, 0)

@@ -24,7 +24,7 @@ from pydantic import (
 from ballbar.cell.descriptions import Robot
 from ballbar.cell.geometry import Geometry, ParameterTable, parameter_named, table_of_names
 from ballbar.cell.payload import TOOL
-from ballbar.cell.schema import Strict
+from ballbar.cell.schema import Day, Strict
 from ballbar.cell.schema_errors import Loc, missing_key, nearest, wrong_key
 from ballbar.ident.corrections import OF_MACHINE
 from ballbar.ident.corrections.base import Correction
@@ -111,6 +111,8 @@ class CalibrationFile(Strict):
     temperature: TemperatureEntry | None = None  # absent where it was not stated
     uncertainty_budget: BudgetEntry | None = None  # older files do not state it
     held_out: tuple[AnyHeldOut, ...] = ()
+    # last day of measurement; absent where neither stamps nor descriptions of the recordings say it
+    measured_on: Day | None = None
 
     @property
     def logs(self) -> tuple[RecordingEntry, ...]:

@@ -85,10 +85,19 @@ def calibration_of(data: RunData) -> CalibrationFile:
         ),
         seats={} if poses is None else _placements(poses.seats),
         targets={} if poses is None else _placements(poses.targets),
+        measured_on=_last_day(data),
         temperature=temperature_entry(data),
         uncertainty_budget=_content(BudgetEntry, result.budget),
         **own,
     )
+
+
+def _last_day(data: RunData) -> str | None:
+    """The last day on which something of a result was measured; None where nothing says it."""
+    recordings = [r.recording for r in data.recordings]
+    days = {r.description.measured_on or r.report.day for r in recordings}
+    days |= {table.description.measured_on or table.report.day for _, table in data.tables}
+    return max(days - {""}, default=None)
 
 
 def _of_recordings(data: RunData) -> dict[str, Any]:

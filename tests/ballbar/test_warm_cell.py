@@ -10,7 +10,7 @@ import yaml
 
 import ballbar
 from ballbar.cell.geometry import parameter_named
-from ballbar.report.budget import temperature_sentence
+from ballbar.report.budget import budget_sentence, temperature_sentence
 from ballbar.result.calibration import Calibration
 from ballbar.sim.truth import load_truth
 from ballbar.truth.compare import result_against_truth
@@ -101,3 +101,27 @@ def test_the_budget_has_a_row_of_the_temperature(warm: Calibration) -> None:
     assert plate.standard_uncertainty == pytest.approx(5e-6, rel=1e-6)
     assert by_heat.sensitivity[0] == pytest.approx(plate.sensitivity[0], rel=1e-6)
     assert sum(row.share for row in warm.budget.rows) == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_budget_is_read_back_and_shown(warm: Calibration, tmp_path: Path) -> None:
+    warm.save(tmp_path)
+    read = ballbar.load(tmp_path)
+    assert read.budget == warm.budget
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert '<h2 id="budget">' in page
+    assert "Temperature: growth of the plate from 20 deg C" in page
+    sentence = budget_sentence(read.budget)
+    assert sentence.startswith("expanded uncertainty of the tool (k = 1.9")
+    assert "plate 36 %, temperature 21 %" in sentence
+
+
+@pytest.mark.slow
+def test_a_file_of_an_older_version_has_no_budget(warm: Calibration, tmp_path: Path) -> None:
+    warm.save(tmp_path)
+    content = yaml.safe_load((tmp_path / "calibration.yaml").read_text(encoding="utf-8"))
+    del content["uncertainty_budget"], content["temperature"]
+    (tmp_path / "calibration.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+    old = ballbar.load(tmp_path)
+    assert old.budget is None
+    assert budget_sentence(old.budget) == ""

@@ -72,7 +72,9 @@ def placed(found: RecordingFit) -> Geometry:
 
 def run_data(result: Identification, names: Sequence[str] = ("made",)) -> RunData:
     """A result as of recordings that name shipped descriptions."""
-    description = RecordingFile.model_construct(robot="irb2400", ballbar="lund_600")
+    description = RecordingFile.model_construct(
+        robot="irb2400", ballbar="lund_600", measured_on="2026-03-31"
+    )
     recording = cast(Recording, SimpleNamespace(description=description, folder=Path()))
     fits = zip(names, result.recordings, strict=True)
     recordings = tuple(FittedRecording(name, recording, each) for name, each in fits)
@@ -89,6 +91,7 @@ def check(result: Identification, read: Calibration) -> None:
     """The file holds what the result holds, each number under its name."""
     stated, robot = read.file.covariance, result.robot
     assert stated is not None
+    assert read.file.measured_on == "2026-03-31"
     assert stated.names == robot.tool.names
     assert np.array_equal(stated.covariance.values, robot.tool.values)
     assert {n: p.sigma for n, p in read.file.parameters.items() if p.identified} == robot.sigma
