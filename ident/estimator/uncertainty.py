@@ -98,7 +98,7 @@ class Uncertainty:
     white: Array  # (P, P) part that the data would leave were their residuals white
     widened: Array  # (P, P) part by which it is more, as they are not
     considered: Array  # (P, K) shifts of the estimate for a deviation of each direction of masses
-    candidates: Array  # (P, K) shifts by terms that the fit left out
+    candidates: Array  # (P, K) shifts by terms that the fit left out, and by unlisted ripple
     doubt: Array  # (P, L) shifts by what contradicts itself: known lengths, and beyond priors
     inflation: Array  # (P,) factor on each standard deviation over that of white residuals
     step: Array  # (P,) from the fit to the estimate that allows for ripple no file lists
@@ -127,13 +127,14 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
     inflation = np.sqrt(np.maximum(1.0, variance / white))
     inflated = misfit * data * np.outer(inflation, inflation)
-    by_ripple = ripple.shifts @ ripple.shifts.T + np.outer(ripple.step, ripple.step)
-    covariance = inflated + by_ripple + prior
+    beside = np.column_stack((ripple.shifts, ripple.step))
+    by_ripple = beside @ beside.T
     added = inflated + by_ripple - data
     lengths = known_lengths(layout, fit.x + ripple.step, fit.covariance, added)
-    candidates, pulled = _left_out(fit), DOUBT * doubted_shift(fit, lengths.unknowns)
+    candidates = np.column_stack((_left_out(fit), beside))
+    pulled = DOUBT * doubted_shift(fit, lengths.unknowns)
     doubt = np.column_stack((lengths.doubt, pulled))
-    covariance += doubt @ doubt.T + candidates @ candidates.T
+    covariance = inflated + prior + doubt @ doubt.T + candidates @ candidates.T
     shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
