@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -23,17 +24,21 @@ from ballbar.certificate.details import CertificateDetails, load_details, measur
 from ballbar.certificate.words import Locale
 from ballbar.code_version import code_version
 from ballbar.ident.options import SILENT, FitOptions, Listener
+from ballbar.ident.robot.budget import Budget
 from ballbar.report.parameters import parameter_count
 from ballbar.report.provenance import hashed, input_places
 from ballbar.report.tcp_view import tcp_view
 from ballbar.result.calibration import Calibration, load
 from ballbar.result.compare import compare
 from ballbar.result.identify import identified
+from ballbar.result.performance import performance
 from ballbar.result.run_data import RunData
+from ballbar.result.temperature_entries import temperature_entry
 from ballbar.result.write_calibration import calibration_of
 
 SCHEMA = "ballbar-certificate/1"
 SAME = 1e-3  # of the stated TCP uncertainty, by which a result may differ on another computer
+LEAST_SHARE = 0.01  # of the variance, from which a row of the budget is printed
 _NOT_PRINTED = {"schema_", "recordings", "validate_", "identify", "tolerance"}
 Content = dict[str, Any]
 
@@ -57,7 +62,8 @@ def certificate_content(
     places = measured_places(stated, details, calibration.path)
     options = stated.identify.options if stated.identify else FitOptions()
     run = identified(*places, options=options, listener=listener)
-    _check_follows(calibration, run, places[0], details)
+    computed = Calibration(calibration_of(run), run.folder / calibration.path.name, run)
+    _check_follows(calibration, computed, places[0], details)
     files = [details, calibration.path, *(folder / name for _, folder, name in input_places(run))]
     base = base or _common([*files, *(place for both in places for place in both)])
     listener.progress("drawing the TCP errors")
@@ -78,6 +84,8 @@ def certificate_content(
             "plate": calibration.file.plate,
         },
         **_computed(run, stated),
+        "budget": _budget(run.identification.budget),
+        "performance": list(_performance(computed)),
     }
     return json.loads(canonical(content)), base
 
@@ -103,10 +111,9 @@ def _common(files: Sequence[Path]) -> Path:
 
 
 def _check_follows(
-    stored: Calibration, run: RunData, places: Sequence[Path], details: Path
+    stored: Calibration, computed: Calibration, places: Sequence[Path], details: Path
 ) -> None:
     """Refuse a result that these recordings do not give."""
-    computed = Calibration(calibration_of(run), run.folder / stored.path.name, run)
     sigma, other = (each.tcp_sigma for each in (computed, stored))
     status, stated = (str(each.file.fit.status) for each in (computed, stored))
     distance = compare(stored, computed).tcp.maximum
@@ -148,6 +155,32 @@ def _computed(run: RunData, stated: CertificateDetails) -> Content:
     }
 
 
+def _budget(budget: Budget | None) -> Content | None:
+    """Rows of the uncertainty budget that matter; None where there is none."""
+    if budget is None:
+        return None
+    keys = "name", "evaluated", "distribution", "contribution", "share"
+    large = [row for row in budget.rows if abs(row.share) >= LEAST_SHARE]
+    return {
+        "rows": [{key: getattr(row, key) for key in keys} for row in large],
+        "others": 1.0 - sum(row.share for row in large),
+        "combined": budget.combined,
+        "expanded": budget.expanded[0],
+        "k": budget.coverage_factor,
+    }
+
+
+def _performance(computed: Calibration) -> Iterator[Content]:
+    """Positions of the test poses that the identified robot predicts, nominal and identified."""
+    for row in performance(computed).rows:
+        poses = re.findall(r"P\d", row.place)
+        before, after = row.statements[:2]
+        if poses and row.unit == "m" and None not in (before.value, after.value, after.high):
+            symbol = row.symbol.partition("_")[0]
+            numbers = {"nominal": before.value, "identified": after.value, "limit": after.high}
+            yield {"symbol": symbol, "poses": poses, "clause": row.clause, **numbers}
+
+
 def _descriptions(run: RunData) -> list[Any]:
     tables = [*(c for _, c in run.tables), *(c for c, _ in run.held_out_tables)]
     return [*(r.description for _, r in run.read), *(table.description for table in tables)]
@@ -160,6 +193,7 @@ def _measurement(run: RunData, stated: CertificateDetails) -> Content:
     logged = [d.temperature_C for d in _descriptions(run) if hasattr(d, "temperature_C")]
     logged += [float(t) for g in groups if g.temperature is not None for t in g.temperature]
     known = [t for t in logged if t is not None]
+    warm = temperature_entry(run)
     mean, spread = stated.temperature_C, stated.temperature_spread_C
     if mean is None and known:
         mean = float(np.mean(known))
@@ -173,6 +207,8 @@ def _measurement(run: RunData, stated: CertificateDetails) -> Content:
         "poses": 0 if poses is None else poses.table.size,
         "temperature_C": mean,
         "temperature_spread_C": spread,
+        "factor_to_20_C": None if warm is None else warm.factor_to_20_C,
+        "robot_expansion_per_K": None if warm is None else warm.robot_expansion_per_K,
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ballbar.certificate.words import Words
-from ballbar.units import MM
+from ballbar.units import MM, PPM
 
 _MARKS = {"conforms": "good", "does not conform": "bad", "neither": "open"}
 
@@ -70,6 +70,8 @@ def page_of(content: dict[str, Any], digest: str) -> Page:
             _results(w, content),
             _conformity(w, content),
             Panel(w("workspace"), _pairs(w, _workspace(w, content))),
+            *_performance(w, content["performance"]),
+            *_budget(w, content["budget"]),
             _remarks(w, details),
             _inputs(w, content, digest),
         ),
@@ -106,6 +108,9 @@ def _measurement(w: Words, content: dict[str, Any]) -> Iterator[tuple[str, str |
     yield from ((w(key), details[key]) for key in ("operator", "place", "measured"))
     yield w("temperature"), w.measured(measured["temperature_C"], "\u00b0C")
     yield w("temperature_spread"), w.measured(measured["temperature_spread_C"], "K")
+    if (factor := measured["factor_to_20_C"]) is not None:
+        per_kelvin = w.number(measured["robot_expansion_per_K"] * PPM, 1)
+        yield w("factor"), f"{w.number(factor, 6)} ({per_kelvin}\u00a0\u00b5m/(m\u00a0K))"
     load = w.measured(details["load_kg"], "kg"), details["load"]
     yield w("load"), ", ".join(filter(None, load)) or None
     yield w("recordings"), ", ".join(measured["fitted"])
@@ -187,6 +192,42 @@ def _workspace(w: Words, content: dict[str, Any]) -> dict[str, str | None]:
         w("joints", count=str(len(joints))): f"{w.ranges(joints)}\u00b0",
         w("growth"): "; ".join(grown) or w("no_growth"),
     }
+
+
+def _performance(w: Words, rows: Sequence[dict[str, Any]]) -> Iterator[Panel]:
+    """Characteristics at the test poses that the identified robot predicts."""
+    cells = [
+        (
+            " ".join((row["symbol"], "\u2013".join(row["poses"]))),
+            row["clause"],
+            *(w.millimetres(row[key], row["limit"]) for key in ("nominal", "identified", "limit")),
+        )
+        for row in rows
+    ]
+    head = w("characteristic"), w("clause"), w("nominal"), w("identified"), w("limit_95")
+    if rows:
+        table = _table(head, cells, (0.16, 0.21, 0.2, 0.23, 0.2))
+        yield Panel(w("performance"), table=table, texts=(w("predicted"),))
+
+
+def _budget(w: Words, budget: dict[str, Any] | None) -> Iterator[Panel]:
+    """Sources of the stated TCP uncertainty."""
+    if budget is None:
+        return
+    rows = [
+        (
+            *(w.source(r["name"]), r["evaluated"], w(r["distribution"])),
+            *(w.millimetres(r["contribution"], r["contribution"]), w.percent(r["share"])),
+        )
+        for r in budget["rows"]
+    ]
+    rows.append((w("others"), "", "", "", w.percent(budget["others"])))
+    head = w("source"), w("evaluated"), w("distribution"), w("contribution"), w("share")
+    sizes = {key: w.millimetres(budget[key], budget[key]) for key in ("combined", "expanded")}
+    text = w("combined", k=w.number(budget["k"], 2), **sizes)
+    yield Panel(
+        w("budget"), table=_table(head, rows, (0.46, 0.08, 0.15, 0.16, 0.15)), texts=(text,)
+    )
 
 
 def _remarks(w: Words, details: dict[str, Any]) -> Panel:

@@ -31,6 +31,11 @@ class Words:
     def __call__(self, key: str, **values: str) -> str:
         return table()[key][LOCALES.index(self.locale)].format(**values)
 
+    def source(self, name: str) -> str:
+        """A row of the uncertainty budget; corrections of the model by their names."""
+        known = f"budget_{name}" in table()
+        return self(f"budget_{name}") if known else self("correction", name=name)
+
     def number(self, value: float, decimals: int) -> str:
         return fixed(value, decimals).replace(".", self("decimal_mark"))
 

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
+from ballbar.ident.least_sizes import LITTLE_RIPPLE, LITTLE_SHIFT
 from ballbar.ident.verification import RIVAL
 
 CHANCE = 1e-3  # probability that anything is named in a history in which nothing changed
@@ -47,8 +48,14 @@ class AxisSeries:
 
     @property
     def effect(self) -> float:
-        """[m per unit] mean distance by which the tool moves."""
-        return float(np.linalg.norm(self.moves.reshape(-1, 3), axis=1).mean())
+        """[m per unit] mean distance by which the tool moves.
+
+        Of backlash and ripple at least that at a metre from the joint: at rest an unloaded gear
+        lies on one flank, and the base takes up what axis 1 turns by.
+        """
+        at_rest = float(np.linalg.norm(self.moves.reshape(-1, 3), axis=1).mean())
+        periodic = self.kind in ("backlash", "ripple")
+        return max(at_rest, LITTLE_SHIFT / LITTLE_RIPPLE) if periodic else at_rest
 
 
 @dataclass(frozen=True, kw_only=True)

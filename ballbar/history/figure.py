@@ -44,13 +44,13 @@ def history_figure(history: History) -> Figure:
     size = (max(6.0, 2.9 * len(columns)), 0.6 + 1.5 * max(1, len(axes)))
     figure = Figure(figsize=size, layout="constrained")
     days = np.array([r.day for r in history.results], dtype="datetime64[D]")
+    margin = 1 + (days[-1] - days[0]) // 30
     panels = figure.subplots(len(axes), len(columns), squeeze=False) if axes else np.zeros((0, 0))
     for column, (kinds, title, unit, factor) in zip(panels.T, columns, strict=True):
         column[0].set_title(title, loc="left")
         for panel, axis in zip(column, axes, strict=True):
             fits = [f for f in history.fits if f.series.axis == axis and f.series.kind in kinds]
-            panel.set(ylabel=f"axis {axis} [{unit}]", xlim=(days[0], days[-1]))
-            panel.margins(x=0.03)
+            panel.set(ylabel=f"axis {axis} [{unit}]", xlim=(days[0] - margin, days[-1] + margin))
             if fits:
                 _draw(panel, fits, days, factor)
             else:
@@ -60,7 +60,7 @@ def history_figure(history: History) -> Figure:
 
 def _draw(panel: Axes, fits: Sequence[SeriesFit], days: Array, factor: float) -> None:
     """The series of one axis and of one column."""
-    names = dict.fromkeys(map(_name, fits))
+    names = sorted(dict.fromkeys(map(_name, fits)), key=lambda name: name == "angle")
     for colour, name in zip(LINES, names, strict=False):
         members = [fit for fit in fits if _name(fit) == name]
         value, sigma, line, band = (factor * part for part in _drawn(members))

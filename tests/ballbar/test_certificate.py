@@ -10,7 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -22,6 +22,7 @@ from ballbar.certificate.details import TEMPLATE, RobotDetails, StandardDetails,
 from ballbar.certificate.page import page_of
 from ballbar.certificate.pdf import wrapped
 from ballbar.certificate.words import LOCALES, Words, table
+from ballbar.ident.robot.budget import SOURCES, Distribution
 from ballbar.ident.verdict import Status
 from ballbar.result.identify import identified
 from tests.helpers.command_line import ballbar, output, refusal
@@ -275,6 +276,8 @@ def test_every_word_is_used() -> None:
     text = "".join(file.read_text("utf-8") for file in sources)
     values = {*Status, *(f"rule_{rule}" for rule in ("simple", "guarded", "probability"))}
     values |= {*RobotDetails.model_fields, *StandardDetails.model_fields, "nominal", "identified"}
+    values |= {f"budget_{name}" for name in SOURCES} | set(get_args(Distribution))
+    assert {f"budget_{name}" for name in SOURCES} <= set(table())
     unused = [k for k in table() if not re.search(f"[\"']{k}[\"']", text) and k not in values]
     assert not unused
 
