@@ -80,11 +80,11 @@ def result_of(
 
     single : the dh fit of each. orders : of joint errors that were found by evidence.
     """
-    deviated, complete = deviated_masses(cell, fit, payload), fit is not single[0].fit
-    stated, layout = uncertainty(fit, deviated), fit.model.unknowns
+    first, deviated = single[0], deviated_masses(cell, fit, payload)
+    stated, layout, complete = uncertainty(fit, deviated), fit.model.unknowns, fit is not first.fit
     best = moved(fit, stated.step)  # the rules ask what the fit itself had to do
     known = stated.information_gain > MOSTLY_PRIOR
-    robot = replace(robot_estimate(cell, single[0], best, stated, known, deviated), payload=payload)
+    robot = replace(robot_estimate(cell, first, best, stated, known, deviated), payload=payload)
     agreement = consistency(fit) if complete else AGREED  # kinematics alone lack too much
     softer = 1.0 if payload else softer_gears(fit)
     if masses_in_doubt(softer):
@@ -95,7 +95,6 @@ def result_of(
         )
         for k, r in enumerate(single)
     )
-    first = single[0]
     statistics = FitStatistics(
         converged=fit.converged,
         iterations=first.iterations + (fit.iterations if complete else 0),
@@ -145,7 +144,7 @@ def result_of(
     for remark in _remarks(cell, best, options, robot, stated, orders, complete=complete):
         verdict = verdict.with_warning(remark)
     if poses:
-        undoubted = robot_estimate(cell, single[0], best, stated.undoubted(), known, deviated)
+        undoubted = robot_estimate(cell, first, best, stated.undoubted(), known, deviated)
         if contradiction := _contradiction(poses, rms(undoubted.tcp_sigma)):
             verdict = verdict.with_warning(contradiction)
     return Identification(robot, estimates, statistics, verdict, poses, solved=fit, stated=stated)
