@@ -196,11 +196,10 @@ def variance_by_blocks(
         step = ripple.step
         fit = replace(fit, linear=replace(fit.linear, residuals=ripple.residuals))
     for block in each_block(fit, length, followed=True):
-        own = np.flatnonzero(np.diag(block.normal))
-        gradient = block.gradient + block.normal @ step
-        normal, covariance = block.normal[np.ix_(own, own)], fit.covariance[:, own]
-        without = np.eye(own.size) - normal @ covariance[own]
-        moved = covariance @ np.linalg.solve(without, gradient[own])
+        gradient = block.gradient + block.normal @ step[block.index]
+        covariance = fit.covariance[:, block.index]
+        without = np.eye(block.index.size) - block.normal @ covariance[block.index]
+        moved = covariance @ np.linalg.solve(without, gradient)
         variance += moved**2
         count += 1
     return variance * (count - 1) / count, count
