@@ -85,7 +85,7 @@ def amplitude_variance(size: Array, along: Array) -> tuple[float, float]:
 
 
 def _waves(fit: Fit) -> Iterator[tuple[Array, Array, Array]]:
-    """Of each recording the whitened columns (J, E, N) of the gears, cosines and sines
+    """Whitened columns (J, E, N) of the gears of each recording, cosines and sines
     (J, K / J, N) of the orders of each, and the residual (E, N).
     """
     gears = fit.model.gearing.to_gear.shape[1]
