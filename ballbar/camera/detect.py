@@ -49,8 +49,10 @@ class Picture:
 
 
 def detect(files: Sequence[Path], pattern: Pattern) -> list[Picture]:
-    """Every picture with its corners, in their order. Raises InputError for a file that is no picture,
-    for two of one name, and for a board whose corners cannot be numbered.
+    """Every picture with its corners, in their order.
+
+    Raises InputError for a file that is no picture, for two of one name, and for a board whose
+    corners cannot be numbered.
     """
     if pattern.turns:
         nx, ny = pattern.squares
