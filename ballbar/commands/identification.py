@@ -91,7 +91,7 @@ def identify(
         second_process(*REPLAY_MODULES) if rerun else nullcontext(partial) as begin,
     ):
         from ballbar.ident.options import Listener
-        from ballbar.report.terminal import say_identification
+        from ballbar.report.terminal import budget_sentence, say_identification
         from ballbar.result.identify import identified
 
         listener = Listener(progress)
@@ -104,8 +104,6 @@ def identify(
         write_outputs(
             folder, run, command=command_line(), replay=rerun, progress=progress, begin=begin
         )
-    from ballbar.report.budget import budget_sentence
-
     if as_json:
         _say_json(run, folder)
     elif sentence := budget_sentence(run.identification.budget):

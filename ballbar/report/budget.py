@@ -1,17 +1,16 @@
-"""The uncertainty budget as a table of the page, and as a sentence."""
+"""The uncertainty budget as a table of the page, and temperatures as a sentence."""
 
 from __future__ import annotations
 
-from ballbar.ident.robot.budget import MIXED, Budget, BudgetRow
+from ballbar.ident.robot.budget import MIXED, BudgetRow
 from ballbar.ident.robot.coverage import COVERAGE
-from ballbar.report.numbers import fixed, listed, millimetres, significant
+from ballbar.report.numbers import fixed, listed, significant
 from ballbar.report.section import Section, machine_row, section
 from ballbar.result.run_data import RunData
 from ballbar.result.temperature_entries import TemperatureEntry, temperature_entry
 from ballbar.units import MM
 
 LITTLE = 1e-3  # share of the variance below which rows are added up
-NAMED = 3  # rows of the sentence
 _UNITS = {"m": (1e6, "µm"), "rad": (1e6, "µrad"), "s": (1e6, "µs")}  # as they are shown
 
 
@@ -37,21 +36,6 @@ def budget_section(run: RunData) -> list[Section]:
             temperature=temperature_sentence(temperature_entry(run)),
         )
     ]
-
-
-def budget_sentence(budget: Budget | None) -> str:
-    """Expanded uncertainty and the largest rows; empty without a budget."""
-    if budget is None:
-        return ""
-    rows = [
-        f"{row.what.partition(':')[0]} {100.0 * row.share:.0f} %" for row in budget.rows[:NAMED]
-    ]
-    usual, worst = map(millimetres, budget.expanded)
-    return (
-        f"expanded uncertainty of the tool (k = {budget.coverage_factor:.2f}, "
-        f"{100.0 * COVERAGE:.0f} %): {usual}, at the worst pose {worst}; "
-        f"of its variance {', '.join(rows)}"
-    )
 
 
 def temperature_sentence(entry: TemperatureEntry | None) -> str:

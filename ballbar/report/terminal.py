@@ -12,7 +12,9 @@ from ballbar.cell.geometry import parameter_named
 from ballbar.cell.number_text import clock_offset_text, clock_skew_text
 from ballbar.ident.held_out import HeldOut
 from ballbar.ident.least_sizes import LITTLE_SHIFT, LITTLE_TURN
-from ballbar.report.numbers import with_and_without
+from ballbar.ident.robot.budget import Budget
+from ballbar.ident.robot.coverage import COVERAGE
+from ballbar.report.numbers import millimetres, with_and_without
 from ballbar.report.parameters import coefficients_at_prior, parameter_count, parameters_at_prior
 from ballbar.report.recording_text import TENSION_SOURCES
 from ballbar.result.compare import NOTABLE, POSES, Comparison
@@ -20,6 +22,7 @@ from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, PPM, US
 
 LISTED = 8  # parameters that differ, printed
+_NAMED = 3  # rows of the budget
 
 if TYPE_CHECKING:  # an identification without tracker does without it
     from ballbar.ident.table_estimate import TableEstimate
@@ -200,3 +203,18 @@ def _clock(out: Console, fitted: FittedRecording, name: str) -> None:
             f"offset {clock_offset_text(clock, offset_sigma)}, "
             f"skew {clock_skew_text(clock, skew_sigma)}"
         )
+
+
+def budget_sentence(budget: Budget | None) -> str:
+    """Expanded uncertainty and the largest rows; empty without a budget."""
+    if budget is None:
+        return ""
+    rows = [
+        f"{row.what.partition(':')[0]} {100.0 * row.share:.0f} %" for row in budget.rows[:_NAMED]
+    ]
+    usual, worst = map(millimetres, budget.expanded)
+    return (
+        f"expanded uncertainty of the tool (k = {budget.coverage_factor:.2f}, "
+        f"{100.0 * COVERAGE:.0f} %): {usual}, at the worst pose {worst}; "
+        f"of its variance {', '.join(rows)}"
+    )

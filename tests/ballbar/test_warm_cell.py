@@ -10,7 +10,8 @@ import yaml
 
 import ballbar
 from ballbar.cell.geometry import parameter_named
-from ballbar.report.budget import budget_sentence, temperature_sentence
+from ballbar.report.budget import temperature_sentence
+from ballbar.report.terminal import budget_sentence
 from ballbar.result.calibration import Calibration
 from ballbar.sim.truth import load_truth
 from ballbar.truth.compare import result_against_truth
