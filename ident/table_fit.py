@@ -42,6 +42,8 @@ from ballbar.ident.table_estimate import TableEstimate
 from ballbar.ident.table_steps import Step, refuse_large, refuse_merged, sized, split
 
 SEEN = 4.0  # standard deviations from which the lag of a joint is seen
+# [rad] play of gears from which still poses show it; below, the fit of industrial robots leaves more
+PLAY = 3e-3
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
 
 
@@ -127,7 +129,8 @@ def _expected(table: PoseTable) -> list[Correction]:
     """
     robot, out = table.robot, sag(table.robot)
     if not table.moving.any():
-        return out
+        wide = robot.gears is not None and robot.gears.lost_motion.max() > PLAY
+        return [*out, *([gear_backlash(robot)] if wide and robot.links is not None else [])]
     out.append(joint_lag(robot))
     if robot.gears is not None:
         out += [gear_ripple(robot), *([] if robot.links is None else [gear_backlash(robot)])]

@@ -5,7 +5,7 @@ poses chosen -> true arm (or MuJoCo with rod or wire) -> readings -> faults -> r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -28,6 +28,7 @@ from ballbar.sim.instrument_readings import (
     stand_of,
     unsettled,
 )
+from ballbar.sim.corners import pictured, view_of
 from ballbar.sim.plant.held import hold_with_instrument
 from ballbar.sim.pose_choice import Stand, choose_poses
 from ballbar.sim.settings import PlacementSettings, PosesSettings, SimulationSettings
@@ -46,7 +47,8 @@ class SimulatedRows:
     seat: tuple[str, ...]
     target: tuple[str, ...]
     axes: Array  # (N, J) [rad] as the controller shows them
-    values: Array  # (N, M) [m, rad], M as the kind's `columns`
+    # (N, M) [m, rad], M as the kind's `columns`; of pictures (N, C, 2) [px] of the board's corners
+    values: Array
     reference: Array  # (N, K, 3) [m] reference points; NaN where they were not read
 
 
@@ -78,6 +80,13 @@ def simulate_poses(settings: SimulationSettings, *, relative_to: Path) -> PoseSi
     errors, seed, stated = settings.errors, settings.seed, settings.needed_poses
     robot = load_robot(settings.cell.robot, relative_to=relative_to)
     instrument = load_instrument(settings.cell.measured_by, relative_to=relative_to)
+    if (instrument.camera is None) != (stated.pictures is None):
+        raise InputError(
+            f"poses.pictures: state it of a camera, and of no other instrument than one; "
+            f"cell.instrument is {instrument.name}."
+        )
+    if stated.pictures is not None:
+        instrument = replace(instrument, view=view_of(stated.pictures))
     arm = true_arm(robot, errors, seed)
     kind, sentence = _plant(settings, robot, instrument)
     if stated.reference and instrument.kind.names[:3] != ("x", "y", "z"):
@@ -197,7 +206,7 @@ class _Measurement:
     def readings(
         self, stands: tuple[Stand, ...], wrong: Array
     ) -> tuple[Array, Array, tuple[float, float] | None]:
-        """Shown angles (K, J) [rad], values (K, M), and least and largest force [N] of all stands.
+        """Shown angles (K, J) [rad], values (K, M) or pixels (K, C, 2), and least and largest force [N] of all stands.
 
         wrong : (K, 3) [m] outliers.
         """
@@ -223,12 +232,16 @@ class _Measurement:
                 )
                 forces.append(force)
             exact = stand_of(self.arm, q, target, seat, sag)
+            shown.append(q)
+            if instrument.view is not None:
+                moved = replace(exact, rod=exact.rod + fault.T)
+                values.append(pictured(instrument, moved, self.settings, noise))
+                continue
             read = measured(instrument, exact, scale=scale, rng=noise)
             width = min(3, read.shape[1])
             angles = [unit == "rad" for unit in instrument.kind.units[:width]]
             turned = fault[:, :width] / exact.distance[:, None]
             read[:, :width] += np.where(angles, turned, fault[:, :width])
-            shown.append(q)
             values.append(read)
         span = None
         if forces:

@@ -33,7 +33,13 @@ from ballbar.cell.load import (
 from ballbar.cell.typical_machine import Spread, motor_turns, with_typical
 from ballbar.sim.errors.sensor_effects import ResolverEffects, resolver_effects
 from ballbar.sim.errors.static_errors import true_geometry
-from ballbar.sim.plant.effects import PlantEffects, Ripple, plant_effects, plugin_ripples
+from ballbar.sim.plant.effects import (
+    BACKLASH_IS_HELD,
+    PlantEffects,
+    Ripple,
+    plant_effects,
+    plugin_ripples,
+)
 from ballbar.sim.settings import CellSettings, ErrorSettings, SimulationSettings
 from ballbar.sim.streams import stream
 
@@ -128,18 +134,28 @@ class TrueArm:
         return self.effects.gear_outputs(q @ self.robot.joint_to_gear)
 
     def joints(self, q: Array) -> Array:
-        """(N, J) [rad] actual joint angles under the arm's own weight, at shown angles q (N, J)."""
+        """(N, J) [rad] actual joint angles under the arm's own weight, at shown angles q (N, J).
+
+        Of a gear with backlash the weight tells on which flank it lies, and where friction holds
+        it from where the joint came; poses are in the order of time.
+        """
         rotors, robot, stiffness = self.rotors(q), self.robot, self.effects.gear_stiffness
         actual = rotors @ robot.gear_to_joint
+        play = self.effects.gear_backlash
         if stiffness is None and not self.weights.any():
             return np.asarray(actual)
+        came = np.sign(np.diff(rotors, axis=0, prepend=rotors[:1] - 1.0))
         for _ in range(_ROUNDS):
             frames = forward(self.chain, actual)
             yielded = np.zeros_like(rotors)
             if stiffness is not None:
                 bodies = [[link] for link in link_bodies(robot)]
                 load = joint_torques(frames, bodies, actual, gravity=robot.gravity)
-                yielded -= load.T @ robot.gear_to_joint.T / stiffness
+                load = load.T @ robot.gear_to_joint.T
+                yielded -= load / stiffness
+                if play.any():
+                    held = np.abs(load) < robot.required("gears").coulomb
+                    yielded -= play * np.where(held, came, np.sign(load))
             yielded += self._yield_to_unit_weights(frames)
             actual = (rotors + yielded) @ robot.gear_to_joint
         return np.asarray(actual)
@@ -176,6 +192,12 @@ def true_arm(robot: Robot, errors: ErrorSettings, seed: int) -> TrueArm:
         spread = stream(seed, "pose_joint_compliance").standard_normal(robot.joints)
         catalogue = robot.required("gears").stiffness * compliance.scale
         stiffness = catalogue * np.exp(compliance.spread * spread)
+    play = np.zeros(robot.joints)
+    if (gap := errors.gear_backlash) is not None:
+        if stiffness is None:
+            raise InputError(BACKLASH_IS_HELD)
+        spread = stream(seed, "pose_lost_motion").standard_normal(robot.joints)
+        play = 0.5 * robot.required("gears").lost_motion * gap.scale * np.exp(gap.spread * spread)
     weights = np.zeros((robot.joints, robot.joints))
     if errors.unit_weights is not None:
         drawn = np.abs(stream(seed, "unit_weights").standard_normal(weights.shape))
@@ -190,7 +212,11 @@ def true_arm(robot: Robot, errors: ErrorSettings, seed: int) -> TrueArm:
         for kind, z in zip(KINDS, deviations, strict=True):
             sigma = sizes.sigma_m if kind in ("a", "d") else sizes.sigma_rad
             rows[kind] += sigma * z * (parallel if kind == "beta" else True)
-    effects = PlantEffects(gear_stiffness=stiffness, ripples=_harmonics(robot, errors, seed))
+    if (zeros := errors.joint_zeros) is not None:
+        rows["theta"] += zeros.sigma_rad * stream(seed, "joint_zeros").standard_normal(robot.joints)
+    effects = PlantEffects(
+        gear_stiffness=stiffness, gear_backlash=play, ripples=_harmonics(robot, errors, seed)
+    )
     return TrueArm(robot, Chain(**rows), effects, weights)
 
 

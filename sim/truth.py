@@ -244,6 +244,10 @@ class TruePlace(Strict):
         """(3, 3)"""
         return matrix_from_rotvec(np.array(self.rotvec_rad)[:, None])[:, :, 0]
 
+    def still(self, count: int) -> tuple[Array, Array]:
+        """Origin (3, N) and rotation (3, 3, N), N times."""
+        return np.tile(self.position[:, None], count), np.tile(self.rotation[..., None], count)
+
 
 class SeatMotion(Strict):
     """How the seats move against the robot's base from the first pose to the last.
