@@ -68,5 +68,8 @@ def write_pictures(pictures: PictureSettings, pixels: Array, folder: Path) -> di
         u, v = pixels[n, corner]
         lines.append(f"{image_name(n)},{corner},{u:.4f},{v:.4f}")
     write_whole(folder / CORNERS, ("\n".join(lines) + "\n").encode())
-    write_yaml(folder / BOARD, board_file(pictures).model_dump(mode="json", by_alias=True, exclude_defaults=True))
+    write_yaml(
+        folder / BOARD,
+        board_file(pictures).model_dump(mode="json", by_alias=True, exclude_defaults=True),
+    )
     return {"corners": CORNERS, "board": BOARD, "camera": pictures.camera}

@@ -19,6 +19,7 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.load import load_instrument, load_robot
 from ballbar.cell.numerical_inverse import reach_points
+from ballbar.sim.corners import pictured, view_of
 from ballbar.sim.instrument_readings import (
     logged_axes,
     measured,
@@ -28,7 +29,6 @@ from ballbar.sim.instrument_readings import (
     stand_of,
     unsettled,
 )
-from ballbar.sim.corners import pictured, view_of
 from ballbar.sim.plant.held import hold_with_instrument
 from ballbar.sim.pose_choice import Stand, choose_poses
 from ballbar.sim.settings import PlacementSettings, PosesSettings, SimulationSettings
@@ -206,9 +206,9 @@ class _Measurement:
     def readings(
         self, stands: tuple[Stand, ...], wrong: Array
     ) -> tuple[Array, Array, tuple[float, float] | None]:
-        """Shown angles (K, J) [rad], values (K, M) or pixels (K, C, 2), and least and largest force [N] of all stands.
+        """Shown angles (K, J) [rad], values (K, M), and least and largest force [N] of all stands.
 
-        wrong : (K, 3) [m] outliers.
+        Of a camera the values are pixels (K, C, 2). wrong : (K, 3) [m] outliers.
         """
         instrument, plant, scale = self.instrument, self.settings.plant, self._noise_scale
         noise = stream(self.settings.seed, "instrument_noise")
@@ -292,6 +292,7 @@ class _Measurement:
     ) -> PoseTruth:
         """The truth; wrong, too_early : lines of the table, from 0."""
         arm, stiffness = self.arm, self.arm.effects.gear_stiffness
+        play = arm.effects.gear_backlash
         content = {
             "schema": "ballbar-poses-truth/1",
             "seed": self.settings.seed,
@@ -300,6 +301,7 @@ class _Measurement:
             "joint_harmonics": tuple(RippleTruth.of(ripple) for ripple in arm.effects.ripples),
             "unit_weights_rad_per_m": tuple(map(tuple, arm.weights.tolist())),
             "gear_stiffness_N_m_per_rad": None if stiffness is None else tuple(stiffness.tolist()),
+            "gear_backlash_half_width_rad": tuple(play.tolist()) if play.any() else None,
             "seats": self.seats,
             "targets": self.targets,
             "drift": self.drift,

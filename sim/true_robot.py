@@ -128,6 +128,8 @@ class TrueArm:
     chain: Chain  # true DH rows
     effects: PlantEffects  # harmonics and stiffness of the gears
     weights: Array  # (J, J) [rad/m] yield of joint j under a unit weight at frame k + 1
+    in_order: bool = True  # whether poses come one after the other; else play that none presses
+    # counts in the middle
 
     def rotors(self, q: Array) -> Array:
         """(N, J) [rad] outputs of the gears without load, at shown angles q (N, J) [rad]."""
@@ -144,7 +146,7 @@ class TrueArm:
         play = self.effects.gear_backlash
         if stiffness is None and not self.weights.any():
             return np.asarray(actual)
-        came = np.sign(np.diff(rotors, axis=0, prepend=rotors[:1] - 1.0))
+        came = np.sign(np.diff(rotors, axis=0, prepend=rotors[:1])) * self.in_order
         for _ in range(_ROUNDS):
             frames = forward(self.chain, actual)
             yielded = np.zeros_like(rotors)
