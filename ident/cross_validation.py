@@ -47,8 +47,7 @@ from ballbar.ident.estimator.whitening import Whitening
 from ballbar.ident.signals.smooth_log import WIDEST_KNOT_SPACING
 
 LEVEL = 0.95
-# [m] mean error: industrial robots, identified, stay below 0.5 mm; what play makes at the end of the
-# arm adds to it
+# [m] mean error: industrial robots, identified, stay below 0.5 mm; play of the gears adds to it
 STRANGE = 3e-3
 # Share of the variance of joint errors that the rods of one, two, or three and more seats show
 # beside what the fit takes up. Measured on the tables of a UR5 and a UR10 with their points turned

@@ -42,7 +42,7 @@ from ballbar.ident.table_estimate import TableEstimate
 from ballbar.ident.table_steps import Step, refuse_large, refuse_merged, sized, split
 
 SEEN = 4.0  # standard deviations from which the lag of a joint is seen
-# [rad] play of gears from which still poses show it; below, the fit of industrial robots leaves more
+# [rad] lost motion from which still poses show it; gears of industrial robots have less
 PLAY = 3e-3
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
 

@@ -41,7 +41,8 @@ def test_offsets_of_a_robot_that_has_nothing_else_are_its_zeros(robot: str, tmp_
     offsets, joints = joint_offsets(result), result.robot.joints
     expected = np.array([0.0, *(0.05 * (-1.0) ** row for row in range(2, joints)), 0.0])
     np.testing.assert_allclose(offsets.axes, expected @ result.robot.joint_to_axis, atol=1e-6)
-    assert offsets.nominal > 1e-3 > 1e-6 > offsets.left
+    assert offsets.nominal > 1e-3
+    assert offsets.left < 1e-6
 
 
 @pytest.mark.parametrize("robot", ARMS)
