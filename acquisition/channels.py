@@ -44,7 +44,6 @@ from ballbar.cell.logs import ChannelLog, SourceName
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 POINT = ("x", "y", "z")  # [m]
 WITH_EPOCH = ("filetime", "dc", "unix-s", "unix-ms", "unix-us", "unix-ns", "date")
-SINCE_2001 = 10**18  # [ns] seconds and nanoseconds of a larger sum count from 1970
 _TIME_NAME = re.compile(r"(time|zeit|stamp|timestamp|date|t)([^a-z].*|stamp)?", re.IGNORECASE)
 _UNIT = re.compile(r"[_\[(\s](s|ms|us|ns)[\])]?$", re.IGNORECASE)
 
@@ -124,7 +123,7 @@ def _of_table(
     table = in_order(table)
     values = np.stack([table.columns[name] for name in chosen], axis=1)
     first = int(table.columns[STAMP][0])
-    known = form in WITH_EPOCH or bool(both and first > SINCE_2001)
+    known = form in WITH_EPOCH or bool(both and first > times.SINCE_2001)
     log = ChannelLog(
         path.name, _increasing(table), values, tuple(chosen), first_ns=first if known else None
     )

@@ -21,6 +21,7 @@ from ballbar.cell.poses import CommonErrors
 from ballbar.cell.rigid_fit import nominal_frames
 
 FEWEST_PICTURES = 3
+_UNEVEN = 3.0  # times what chance gives by moving each corner on the board, that is named
 _OTHER = 0.05  # of the size of the board in a picture: corners further off are others
 
 
@@ -54,6 +55,7 @@ def _posed(robot: Robot, name: str, files: Sequence[FilePoses]) -> list[FilePose
     flange = nominal_frames(robot, q).rotation().transpose(2, 0, 1)
     fitted = bundle(Pictures(first.instrument.camera, first.board, pixels, flange))
     _refuse_other_board(fitted, first)
+    _refuse_mirrored(fitted, first)
     common, out, begin = common_errors(name, fitted), [], 0
     for poses, own in zip(files, corners, strict=True):
         rows = np.arange(begin, begin + len(own.images))
@@ -85,6 +87,17 @@ def _refuse_other_board(fitted: Bundle, corners: Corners) -> None:
         )
 
 
+def _refuse_mirrored(fitted: Bundle, corners: Corners) -> None:
+    """Raises LogError where the camera sees the back of the board."""
+    behind = np.einsum("ni,ni->n", fitted.rotation[:, :, 2], fitted.origin) < 0.0
+    if behind[fitted.used].mean() > 0.5:
+        raise LogError(
+            f"{corners.file}: the corners are those of a mirror image: the back of board "
+            f"{corners.board.name} would be seen. Switch off the camera's mirroring, or "
+            "number the corners from the left to the right, row by row from the top."
+        )
+
+
 def common_errors(name: str, fitted: Bundle) -> CommonErrors:
     """The errors of lens and board that a bundle leaves uncertain."""
     mean, information = prior_of(fitted.pictures)
@@ -95,6 +108,29 @@ def common_errors(name: str, fitted: Bundle) -> CommonErrors:
         root=np.asarray(np.linalg.cholesky(fitted.covariance)),
         noise=fitted.sigma,
         declared=np.column_stack((mean, np.sqrt(np.diag(np.linalg.inv(information))))),
+        doubts=_uneven(fitted),
+    )
+
+
+def _uneven(fitted: Bundle) -> tuple[str, ...]:
+    """A sentence where the corners lie elsewhere on the board than its file and its sag say: in all
+    pictures the same, which noise is not.
+    """
+    by_point = fitted.slopes[0][..., :3] @ fitted.rotation[:, None]
+    own = np.einsum("ncki,nckj->cij", by_point, by_point)
+    right = np.einsum("ncki,nck->ci", by_point, fitted.residual)
+    own += 1e-9 * np.trace(own, axis1=1, axis2=2)[:, None, None] * np.eye(3) + 1e-12 * np.eye(3)
+    off = np.linalg.solve(own, right[..., None])[..., 0]
+    gained = float((right * off).sum())  # [px^2]
+    freed = 3.0 * float(fitted.counting.any(axis=0).sum())
+    rest = (float(fitted.square.sum()) - gained) / max(1.0, fitted.freedom - freed)
+    if gained <= _UNEVEN * freed * rest:
+        return ()
+    length = np.linalg.norm(off, axis=1) * 1e3
+    return (
+        f"the corners of board {fitted.pictures.board.name} lie {np.sqrt((length**2).mean()):.2g} "
+        f"mm (largest {length.max():.2g} mm) from where its file has them, in all pictures the "
+        "same: glue it to glass or a plate, or measure its corners (kind points)",
     )
 
 

@@ -40,7 +40,14 @@ from ballbar.acquisition.measured_values import (
 )
 from ballbar.acquisition.report import FileSummary, Finding
 from ballbar.acquisition.table.quantities import PoseRows, Quantity, read_rows
-from ballbar.acquisition.times import TIME_FORMS, TimeCells, checked_form, form_shown, stamps_ns
+from ballbar.acquisition.times import (
+    TIME_FORMS,
+    TimeCells,
+    checked_form,
+    day_of,
+    form_shown,
+    stamps_ns,
+)
 from ballbar.cell.arrays import Array
 from ballbar.cell.errors import LogError
 from ballbar.cell.file_units import METRES, RADIANS
@@ -160,6 +167,7 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
             dialect=source.kind,
             rows_kept=int(complete.sum()),
             time=f"time {columns.labels['time']}" if "time" in columns.labels else "no time",
+            day="" if poses.stamps is None else day_of(poses.stamps),
             **asdict(source.form),
         )
         for source in sources

@@ -106,6 +106,7 @@ class FileSummary:
     rows_read: int  # below the header, without blank lines
     rows_kept: int
     time: str  # form of the time stamps, and their column
+    day: str = ""  # of the last row, such as 2026-03-31; empty where its clock has no epoch
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,11 @@ class ImportReport:
 
     files: tuple[FileSummary, ...]
     findings: tuple[Finding, ...]
+
+    @property
+    def day(self) -> str:
+        """Last day that the stamps of any file show, such as 2026-03-31; empty without epoch."""
+        return max((file.day for file in self.files), default="")
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain lists, dicts, numbers and text, ready for JSON."""

@@ -22,6 +22,7 @@ from ballbar.acquisition.table.table import Table
 from ballbar.acquisition.times import (
     TimeCells,
     checked_form,
+    day_of,
     form_shown,
     popped_stamps,
     stamps_ns,
@@ -222,6 +223,7 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
         dialect=source.declared.dialect,
         rows_kept=len(table),
         time=time,
+        day=day_of(table.columns[STAMP]),
         **asdict(form),
     )
     return table, summary

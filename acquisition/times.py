@@ -48,6 +48,7 @@ _IEC = re.compile(
     re.IGNORECASE,
 )
 FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
+SINCE_2001 = 10**18  # [ns] no clock without epoch counts so far
 _DC_1970 = 946_684_800_000_000_000  # [ns] from 1970 to 2000
 _SECONDS = re.compile(r"(?<![A-Za-z])(secs?|seconds)$")
 _NANOSECONDS = {
@@ -378,3 +379,9 @@ def _iec_times(time: TimeCells) -> Stamps:
         days, hours, minutes, seconds, ms = parts
         out[row] = ((((days * 24 + hours) * 60 + minutes) * 60 + seconds) * 1000 + ms) * 10**6
     return out
+
+
+def day_of(stamps: Stamps) -> str:
+    """Day of the last of stamps (N,) [ns], such as 2026-03-31; empty where they have no epoch."""
+    last = int(stamps.max(initial=0))
+    return str(np.datetime64(last, "ns").astype("datetime64[D]")) if last > SINCE_2001 else ""

@@ -37,7 +37,10 @@ FIGURES = Path("docs/studies/golden.csv")
 RELATIVE, ABSOLUTE = 1e-9, 1e-15
 SHOWN = 20  # leaves of a data set that moved, printed
 # beside calibration.yaml, these say when, where and with what; they are no results
-NO_RESULT = {"folder", "files", "version", "versions", "command", "written", "wall_time_s"}
+NO_RESULT = {
+    *("folder", "files", "version", "versions", "command", "written", "wall_time_s"),
+    "measured_on",
+}
 
 
 @dataclass(frozen=True)

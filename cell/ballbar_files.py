@@ -9,7 +9,14 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ballbar.cell.description_files import DHRowFile, Length, LinkFile, NotNegative5, metres
+from ballbar.cell.description_files import (
+    DHRowFile,
+    ExpansionFile,
+    Length,
+    LinkFile,
+    NotNegative5,
+    metres,
+)
 from ballbar.cell.schema import EncoderLines, Line, NotNegative, Positive, Strict
 from ballbar.cell.schema_errors import wrong_key
 
@@ -62,6 +69,7 @@ class BallBarFile(Strict):
     backlash_m: JointBacklashFile
     encoder: EncoderFile
     links: BallBarLinksFile
+    expansion: ExpansionFile | None = Field(None, description="Thermal expansion of the rod.")
 
     @model_validator(mode="after")
     def _rod_has_a_length(self) -> Self:
@@ -82,3 +90,4 @@ class PlateFile(Strict):
     """Added to the flange's d: tool changer and part of the universal joint."""
     tip_stiffness_N_per_m: Positive = Field(description="Force at the tip over its deflection.")
     body: LinkFile  # com and axes in the robot's flange frame
+    expansion: ExpansionFile | None = Field(None, description="Thermal expansion of length_m.")

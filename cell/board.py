@@ -21,6 +21,8 @@ from ballbar.cell.schema_errors import wrong_key
 from ballbar.cell.strict_yaml import load_model
 
 BoardKind = Literal["charuco", "checkerboard", "points"]
+SCALES = ("scale_x", "scale_y")
+SHAPE = (*SCALES, "sag_xx", "sag_xy", "sag_yy")
 FLAT = 5e-4  # [m] of a print on stiff board: standard deviation of its sag over half its size
 Squares = Annotated[int, Field(ge=3, le=200)]
 
@@ -88,9 +90,6 @@ class Board:
         by_shape[:, 2, 2:] = sags
         flat = np.column_stack((self.points, np.zeros(len(self.points))))
         return flat + by_shape @ shape, by_shape
-
-
-SHAPE = ("scale_x", "scale_y", "sag_xx", "sag_xy", "sag_yy")
 
 
 def load_board(path: Path) -> Board:

@@ -23,6 +23,7 @@ NAMES: dict[LensModel, tuple[str, ...]] = {
 }
 _ON_AXIS = 1e-4  # tangent of the angle below which a fisheye lens is a pinhole
 _NEWTON = 12  # steps of the inverse of a lens
+_EXACT = 1e-12  # last step of it
 _LEAST_DEPTH = 1e-6  # [m] points nearer, or behind the camera, are imaged as if they were there
 
 
@@ -60,6 +61,8 @@ class Lens:
             bent, slope, _ = self._distorted(out)
             step = np.linalg.solve(slope, (wanted - bent)[..., None])[..., 0]
             out += np.clip(step, -0.5, 0.5)
+            if not step.size or np.abs(step).max() < _EXACT:
+                break
         return out
 
     def _distorted(self, tangents: Array) -> tuple[Array, Array, Array]:

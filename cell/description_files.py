@@ -107,6 +107,14 @@ class LinkFile(Strict):
         return self
 
 
+class ExpansionFile(Strict):
+    """Linear thermal expansion: steel 11.5e-6, aluminium 23e-6, carbon fibre about 0."""
+
+    per_K: Annotated[float, Field(ge=-1e-5, le=1e-4)]
+    sigma_per_K: Annotated[NotNegative, Field(le=1e-4)]
+    """Standard uncertainty of per_K."""
+
+
 class ServoFile(Strict):
     """Gains of the proportional joint servos, referred to the joints."""
 
@@ -181,6 +189,7 @@ class RobotFile(Strict):
     """Dialect of the controller's logs, in which the simulator writes them."""
     program_language: ProgramLanguage | None = None
     """Language of the controller, in which plans write a program; without it they write none."""
+    expansion: ExpansionFile | None = Field(None, description="Thermal expansion of the arm.")
     gravity_m_per_s2: Vector3 = (0.0, 0.0, -9.81)
     """In the base frame, along x, y, z; standard gravity, rounded."""
 

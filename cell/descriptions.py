@@ -39,6 +39,14 @@ class Link:
         protect_fields(self)
 
 
+@dataclass(frozen=True)
+class Expansion:
+    """Linear thermal expansion of a length."""
+
+    per_K: float  # [1/K] coefficient
+    sigma: float  # [1/K] its standard uncertainty
+
+
 @dataclass(frozen=True, eq=False)
 class ServoGains:
     """Gains of proportional joint servos, referred to the joints."""
@@ -117,6 +125,7 @@ class Robot:
     log_dialect: str = "abb-motor"  # of its controller's logs (ballbar.cell.dialect)
     program_language: ProgramLanguage | None = None  # of its controller, where plans write programs
     armature: VectorJ | None = None  # [kg m^2] rotor inertia referred to the gear's output
+    expansion: Expansion | None = None  # of the arm's lengths
 
     def __post_init__(self) -> None:
         protect_fields(self)
@@ -206,6 +215,7 @@ class BallBar:
     links: tuple[Link, ...]  # link 1..5; ball-bar base frame, all b = 0
     # [m] shortest and longest length of a rod whose length is sensed; None for a rigid one
     stroke: tuple[float, float] | None = None
+    expansion: Expansion | None = None  # of the rod
 
     def __post_init__(self) -> None:
         protect_fields(self)
@@ -240,6 +250,8 @@ class Plate:
     tool_offset: float  # [m] tool changer and universal joint along the flange's z, added to d6
     tip_stiffness: float  # [N/m] bending, at the tip
     body: Link  # robot flange frame
+    expansion: Expansion | None = None
+    thermal_sigma: float = 0.0  # [m] part of length_sigma by the temperature
 
     @property
     def mass(self) -> float:

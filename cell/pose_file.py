@@ -17,9 +17,10 @@ from ballbar.cell.errors import DescriptionError
 from ballbar.cell.file_units import AngleUnit, LengthUnit, Rotation
 from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.poses import KnownDistance
-from ballbar.cell.schema import Positive, Strict
+from ballbar.cell.schema import Day, Positive, Strict
 from ballbar.cell.schema_errors import nearest, wrong_key
 from ballbar.cell.strict_yaml import load_model
+from ballbar.cell.temperature import Temperatures
 
 Column = Annotated[int, Field(ge=1, le=9999)] | str  # name in the header, or number from 1
 
@@ -227,7 +228,7 @@ def known_distances(
     return tuple(out)
 
 
-class PosesFile(Strict):
+class PosesFile(Temperatures):
     """Still poses of one robot."""
 
     schema_: Annotated[Literal["ballbar-poses/1"], Field(alias="schema")]
@@ -239,6 +240,8 @@ class PosesFile(Strict):
     """A file of cell/instruments, or a path from this file."""
     tables: tuple[PoseTableFile, ...] = Field(min_length=1, max_length=500)
     distances: tuple[KnownDistances, ...] = ()
+    measured_on: Day | None = None
+    """Day of the measurement, such as 2026-03-31; by default as a column of times shows it."""
     notes: str = ""
 
 

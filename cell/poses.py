@@ -80,6 +80,7 @@ class CommonErrors:
     root: Array  # (U, U)
     noise: float  # of its readings, in their unit, as they show it; of a camera [px]
     declared: Array  # (U, 2) value and standard deviation before anything was measured
+    doubts: tuple[str, ...] = ()  # sentences on what its readings contradict
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,10 @@ from pydantic import Field, model_validator
 from ballbar.cell.errors import DescriptionError
 from ballbar.cell.file_units import AngleUnit, LogLengthUnit, Rotation
 from ballbar.cell.logs import SourceName
-from ballbar.cell.schema import EncoderLines, Strict
+from ballbar.cell.schema import Day, EncoderLines, Strict
 from ballbar.cell.schema_errors import wrong_key
 from ballbar.cell.strict_yaml import load_model
+from ballbar.cell.temperature import Temperatures
 
 EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
 
@@ -112,7 +113,7 @@ class EncoderFitting(Strict):
     sign: Literal[-1, 1] = Field(1, description="Declared direction.")
 
 
-class RecordingFile(Strict):
+class RecordingFile(Temperatures):
     """recording.yaml"""
 
     schema_: Annotated[Literal["ballbar-recording/1"], Field(alias="schema")]
@@ -128,8 +129,8 @@ class RecordingFile(Strict):
     encoders: dict[EncoderName, EncoderFitting] = Field(
         default_factory=dict, description="The ball-bar's, b1 to b5."
     )
-    temperature_C: Annotated[float, Field(ge=-50.0, le=100.0)] | None = None
-    """Temperature of the air about robot and ball-bar; kept with the result."""
+    measured_on: Day | None = None
+    """Day of the measurement, such as 2026-03-31; by default as the time stamps show it."""
     notes: str = Field("", description="Anything else that is to be remembered.")
 
     @model_validator(mode="after")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from datetime import date
 from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -100,10 +101,18 @@ def _no_formula(value: str) -> str:
     return value
 
 
+def _a_day(value: str) -> str:
+    try:
+        return date.fromisoformat(value).isoformat()
+    except ValueError:
+        raise ValueError("expected a day such as 2026-03-31") from None
+
+
 TITLE_LENGTH = 200
 # Text that stands in reports, tables and comments of controller programs.
 Line = Annotated[str, Field(max_length=TITLE_LENGTH), AfterValidator(_one_printable_line)]
 Name = Annotated[Line, AfterValidator(_no_formula)]  # one that tables are read back by
+Day = Annotated[str, AfterValidator(_a_day)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Positive = Annotated[float, Field(gt=0.0)]
 EncoderLines = Annotated[int, Field(gt=0, le=10_000_000)]  # of an encoder, per turn

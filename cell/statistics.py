@@ -23,6 +23,19 @@ def chi_square_quantile(probability: float, freedom: float) -> float:
     return float(2.0 * gammaincinv(freedom / 2.0, probability))
 
 
+def covariance_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(U, U) matrix R with R R' the covariance (U, U): the symmetric root of the correlations,
+    scaled.
+
+    It changes little with the last bits of the covariance, as eigenvectors do not.
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    scale = np.where(sigma > 0.0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return np.asarray(sigma[:, None] * root)
+
+
 def correlation_time(series: NDArray[np.float64], *, most: float) -> float:
     """Number of neighbouring columns of a series (E, N) that count as one: 1 for white noise.
 

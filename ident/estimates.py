@@ -37,6 +37,7 @@ from ballbar.ident.physical_bounds import impossible
 from ballbar.ident.recording_fit import RecordingFit, nominal_robot_fit
 from ballbar.ident.remarks import (
     change_remarks,
+    growth_of_links,
     joint_error_remark,
     lag_remark,
     loaded_otherwise,
@@ -144,9 +145,7 @@ def result_of(
         undoubted = robot_estimate(cell, single[0], fit, stated.undoubted(), known, deviated)
         if contradiction := _contradiction(poses, rms(undoubted.tcp_sigma)):
             verdict = verdict.with_warning(contradiction)
-    return Identification(
-        robot, estimates, statistics, verdict, poses, solved=fit, blocks=stated.blocks
-    )
+    return Identification(robot, estimates, statistics, verdict, poses, solved=fit, stated=stated)
 
 
 def result_at_rest(poses: TableEstimate, *, elsewhere: bool = False) -> Identification:
@@ -159,9 +158,7 @@ def result_at_rest(poses: TableEstimate, *, elsewhere: bool = False) -> Identifi
         fit.converged, fit.iterations, fit.model.unknowns.count, fit.chi2_per_dof, fit.excess
     )
     verdict = judge([Evidence(table=poses, elsewhere=elsewhere)])
-    return Identification(
-        robot_at_rest(poses), (), statistics, verdict, poses, solved=fit, blocks=poses.blocks
-    )
+    return Identification(robot_at_rest(poses), (), statistics, verdict, poses, solved=fit)
 
 
 def _remarks(
@@ -261,6 +258,7 @@ def _recording(
         tension=fit.model.tension(fit.x, k) if source else None,
         tension_source=source,
         tracker=tracker,
+        growth=growth_of_links(fit, stated.covariance, k),
     )
 
 

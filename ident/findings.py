@@ -206,8 +206,8 @@ def scale_of(fit: Fit) -> tuple[float, float] | None:
         equations.residuals,
         strict=True,
     ):
-        if not point.still.kind.scales:
-            continue
+        if not point.still.kind.scales or point.still.common is not None:
+            continue  # a size that is an unknown of the fit takes it up
         moved = np.zeros((6, point.still.size))
         predicted = point.target_closure.sight.point - point.closure.error[:3]
         moved[:3] = predicted - point.target_closure.seat.origin[:, None]

@@ -77,7 +77,10 @@ def robot_estimate(
         identified=replace(
             robot,
             ranges=np.stack((angles.min(axis=0), angles.max(axis=0)), axis=1),
-            stated=_tool_covariance(cell, machine, fit, whole, deviated),
+            stated=replace(
+                _tool_covariance(cell, machine, fit, whole, deviated),
+                repeated=np.sqrt(np.diag(stated.white + stated.widened)[machine]),
+            ),
         ),
         encoders=first.samples.encoders,
         nominal=first.nominal,

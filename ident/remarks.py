@@ -268,21 +268,30 @@ def change_remarks(fit: Fit, covariance: Array) -> list[str]:
                 f"{shift * 1e6:.0f} um and {turn * 1e6:.0f} urad: it was remounted, or yields. "
                 "The result is for its seat in the first one"
             )
-    for k, samples in enumerate(fit.model.recordings):
-        time = samples.times[-1] / UNIT
-        for name, line in place.items():
-            if name.startswith("growth_") and name.endswith(f"_line@{k + 1}"):
-                at = [line, place[name.replace("_line", "_square")]]
-                power = np.array([time, time * time])
-                size = power @ fit.x[at]
-                variance = power @ covariance[np.ix_(at, at)] @ power
-                if abs(size) < LITTLE_SHIFT or not not_by_chance(
-                    np.array([size]), np.array([[variance]])
-                ):
-                    continue
-                link = name.removeprefix("growth_r").partition("_")[0]
+    for k in range(len(fit.model.recordings)):
+        for link, (size, sigma) in growth_of_links(fit, covariance, k).items():
+            if abs(size) >= LITTLE_SHIFT and not_by_chance(
+                np.array([size]), np.array([[sigma**2]])
+            ):
                 out.append(
                     f"{link} grew by {size * 1e6:+.0f} um during recording {k + 1}: it warmed up. "
                     "The result is the robot at the start of the first one; warm it up before"
                 )
+    return out
+
+
+def growth_of_links(fit: Fit, covariance: Array, k: int) -> dict[str, tuple[float, float]]:
+    """Growth [m] of each long link during recording k, and its standard deviation.
+
+    covariance : (P, P) stated, of the unknowns. Empty where the fit has no such unknowns.
+    """
+    place, out = {name: i for i, name in enumerate(fit.model.unknowns.names)}, {}
+    time = fit.model.recordings[k].times[-1] / UNIT
+    power = np.array([time, time * time])
+    for name, line in place.items():
+        if name.startswith("growth_") and name.endswith(f"_line@{k + 1}"):
+            at = [line, place[name.replace("_line", "_square")]]
+            sigma = float(np.sqrt(power @ covariance[np.ix_(at, at)] @ power))
+            link = name.removeprefix("growth_r").partition("_")[0]
+            out[link] = (float(power @ fit.x[at]), sigma)
     return out

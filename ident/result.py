@@ -8,7 +8,7 @@ seats and targets with the still poses, which may stand alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -23,8 +23,9 @@ from ballbar.ident.corrections import as_in_result, correction_of_result
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.identifiability import DroppedParameter
 from ballbar.ident.estimator.noise import ExcessNoise, LogNoise
+from ballbar.ident.estimator.uncertainty import Uncertainty
 from ballbar.ident.loads.payload import PayloadEstimate
-from ballbar.ident.robot.budget import Budget, budget
+from ballbar.ident.robot.budget import DOUBT, LEFT_OUT_TERMS, Budget, budget
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.tcp_uncertainty import TcpUncertainty
 from ballbar.ident.robot.tool_covariance import ToolCovariance
@@ -175,6 +176,8 @@ class RecordingEstimate:
     tension: Array | None = None  # (N,) [N] of the rod at the samples, where loads were needed
     tension_source: str = ""  # as of Logs.force_source; empty where no loads were needed
     tracker: TrackerCheck | None = None  # None without a tracker, or where it cannot be compared
+    # [m] growth of each long link while it lasted, and its standard deviation
+    growth: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def samples(self) -> int:
@@ -206,11 +209,11 @@ class Identification:
     verdict: Verdict
     poses: TableEstimate | None = None
     solved: Fit | None = None  # of the robot as stated; None of one that was copied
-    blocks: int = 0  # of time or space that show how far residuals are from white noise
+    stated: Uncertainty | None = None  # of its unknowns, of recordings; None of one that was copied
 
     def __getstate__(self) -> dict[str, object]:
         """All but the fit, of which nothing but `budget` is computed."""
-        return {**self.__dict__, "solved": None}
+        return {**self.__dict__, "solved": None, "stated": None}
 
     @cached_property
     def budget(self) -> Budget | None:
@@ -219,12 +222,21 @@ class Identification:
         if self.solved is None or not sigma.any() or not np.isfinite(sigma).all():
             return None
         robot, layout = self.robot.identified, self.solved.model.unknowns
-        if isinstance(robot.stated, ToolCovariance):
-            unknowns = np.array([layout.names.index(n) for n in robot.stated.names], dtype=np.intp)
-        else:
+        if self.stated is None:
             assert self.poses is not None, "a robot of still poses alone"
             _, unknowns = self.poses.stated_of(self.poses.target)
-        return budget(self.solved, robot, self.robot.tcp.sigma, unknowns, blocks=self.blocks)
+            return budget(self.solved, robot, sigma, unknowns, blocks=self.poses.blocks)
+        names = self.robot.tool.names
+        unknowns = np.array([layout.names.index(name) for name in names], dtype=np.intp)
+        shifts = {LEFT_OUT_TERMS: self.stated.candidates, DOUBT: self.stated.doubt}
+        return budget(
+            self.solved,
+            robot,
+            sigma,
+            unknowns,
+            blocks=self.stated.blocks,
+            beyond={name: shift[unknowns] for name, shift in shifts.items()},
+        )
 
     @property
     def model(self) -> Literal["dh", "complete", "poses"]:

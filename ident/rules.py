@@ -252,6 +252,8 @@ def _extrapolated(e: Evidence) -> Iterator[str]:
 def _cares(e: Evidence) -> Iterator[str]:
     """Usable, but something small is not as it should be."""
     c = e.closure
+    if (poses := e.judged_by) and poses.doubts:
+        yield f"{poses.doubts[0]}; {poses.predicted}."
     if c is None:
         return
     noise = noise_status(c.fit.chi2_per_dof)

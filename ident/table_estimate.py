@@ -14,6 +14,7 @@ from ballbar.cell.clock import Clock
 from ballbar.cell.placement import Placement
 from ballbar.cell.poses import PoseTable
 from ballbar.cell.statistics import chi_square_quantile
+from ballbar.ident.cameras import CameraEstimate, cameras_of, doubts_of
 from ballbar.ident.cross_validation import (
     BLOCKS,
     LEVEL,
@@ -257,6 +258,16 @@ class TableEstimate:
                 joint_sigma=validation.joint_sigma,
             ),
         )
+
+    @cached_property
+    def cameras(self) -> dict[str, CameraEstimate]:
+        """Cameras that saw the poses."""
+        return cameras_of(self.fit)
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on what pictures contradict."""
+        return tuple(doubts_of(self.fit))
 
     @property
     def blocks(self) -> int:

@@ -33,6 +33,7 @@ def table_remarks(evidence: Evidence) -> Iterator[str]:
             "instrument and target are; the verdict is by the recordings alone"
         )
     yield from _rounded(estimate)
+    yield from estimate.doubts
     if estimate.alone:
         yield from _scale(estimate)
     yield from _repeated(estimate)

@@ -16,6 +16,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.dialect import Dialect, load_dialect
 from ballbar.cell.files import beside, write_whole, write_yaml
 from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.temperature import Temperatures
 from ballbar.sim.corners import image_name, write_pictures
 from ballbar.sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from ballbar.sim.logging.encoders import motor_angles, read_counts
@@ -251,8 +252,15 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
             }
             for e in simulation.encoders
         },
+        **_temperatures(settings),
         "notes": "",
     }
+
+
+def _temperatures(settings: SimulationSettings) -> dict[str, float]:
+    """The stated temperatures, by their keys."""
+    values = ((key, getattr(settings.cell, key)) for key in Temperatures.model_fields)
+    return {key: value for key, value in values if value is not None}
 
 
 def write_poses(simulation: PoseSimulation, settings: SimulationSettings, folder: Path) -> None:
@@ -285,6 +293,7 @@ def write_poses(simulation: PoseSimulation, settings: SimulationSettings, folder
         "robot": settings.cell.robot,
         "instrument": settings.cell.measured_by,
         "tables": [table],
+        **_temperatures(settings),
     }
     seats = [place.name for place in stated.seats]
     if simulation.instrument.distance is not None and len(seats) == 2:

@@ -18,6 +18,7 @@ from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.plugins import PluginTable
 from ballbar.cell.schema import NotNegative, Positive, Strict
 from ballbar.cell.schema_errors import missing_key, wrong_key
+from ballbar.cell.temperature import Temperatures
 from ballbar.sim.errors import sensor_errors
 from ballbar.sim.errors.base import ErrorSource
 from ballbar.sim.errors.plant_errors import PlantErrors
@@ -33,8 +34,8 @@ Coordinate = Annotated[float, Field(ge=-20.0, le=20.0)]
 Position = Annotated[tuple[Coordinate, ...], Field(min_length=3, max_length=3)]
 
 
-class CellSettings(Strict):
-    """The machines of the cell, and where the instrument stands."""
+class CellSettings(Temperatures):
+    """The machines of the cell, where the instrument stands, and how warm they are."""
 
     robot: str
     """A file of cell/robots, or a path that ends in .yaml."""

@@ -19,6 +19,7 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.load import load_instrument, load_robot
 from ballbar.cell.numerical_inverse import reach_points
+from ballbar.cell.temperature import temperature_of
 from ballbar.sim.corners import pictured, view_of
 from ballbar.sim.instrument_readings import (
     logged_axes,
@@ -87,7 +88,7 @@ def simulate_poses(settings: SimulationSettings, *, relative_to: Path) -> PoseSi
         )
     if stated.pictures is not None:
         instrument = replace(instrument, view=view_of(stated.pictures))
-    arm = true_arm(robot, errors, seed)
+    arm = true_arm(robot, errors, seed, warmth=temperature_of([settings.cell], robot=True))
     kind, sentence = _plant(settings, robot, instrument)
     if stated.reference and instrument.kind.names[:3] != ("x", "y", "z"):
         raise InputError(

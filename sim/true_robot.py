@@ -30,9 +30,10 @@ from ballbar.cell.load import (
     load_robot,
     load_telescoping_bar,
 )
+from ballbar.cell.temperature import Temperature
 from ballbar.cell.typical_machine import Spread, motor_turns, with_typical
 from ballbar.sim.errors.sensor_effects import ResolverEffects, resolver_effects
-from ballbar.sim.errors.static_errors import true_geometry
+from ballbar.sim.errors.static_errors import grown, true_geometry
 from ballbar.sim.plant.effects import (
     BACKLASH_IS_HELD,
     PlantEffects,
@@ -110,7 +111,7 @@ def true_machine(settings: SimulationSettings, *, relative_to: Path) -> TrueMach
         cell=cell,
         instrument=instrument,
         nominal=nominal,
-        true=true,
+        true=grown(true, cell, chosen),
         effects=plant_effects(errors, cell, seed),
         resolvers=resolver_effects(
             errors.resolver_error, joints=cell.robot.joints, seed=seed, turns=turns
@@ -182,8 +183,10 @@ class TrueArm:
         return yielded
 
 
-def true_arm(robot: Robot, errors: ErrorSettings, seed: int) -> TrueArm:
-    """The robot of a scenario of still poses, drawn.
+def true_arm(
+    robot: Robot, errors: ErrorSettings, seed: int, *, warmth: Temperature | None = None
+) -> TrueArm:
+    """The robot of a scenario of still poses, drawn, as long as it is at a temperature.
 
     Raises InputError for harmonics of an axis that the robot does not have, and for elastic gears
     where the robot's file has no masses or no gears.
@@ -216,6 +219,9 @@ def true_arm(robot: Robot, errors: ErrorSettings, seed: int) -> TrueArm:
             rows[kind] += sigma * z * (parallel if kind == "beta" else True)
     if (zeros := errors.joint_zeros) is not None:
         rows["theta"] += zeros.sigma_rad * stream(seed, "joint_zeros").standard_normal(robot.joints)
+    if warmth is not None and robot.expansion is not None:
+        growth, _ = warmth.growth(robot.expansion)
+        rows |= {kind: (1.0 + growth) * rows[kind] for kind in ("a", "d")}
     effects = PlantEffects(
         gear_stiffness=stiffness, gear_backlash=play, ripples=_harmonics(robot, errors, seed)
     )

@@ -1,8 +1,9 @@
-"""Commands that judge a stored result: `ballbar compare`, `verify` and `performance`."""
+"""Commands that judge stored results: `ballbar compare`, `verify`, `performance`, `history`."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -40,6 +41,39 @@ def compare(calibration: Path, reference: Path, as_json: AsJson = False) -> None
     if as_json:
         say_json(comparison_data(comparison))
     say_comparison(out, comparison)
+
+
+@command(commands)
+def history(
+    results: list[Path],
+    tolerance_mm: Annotated[float | None, typer.Option(min=0.001, max=100.0)] = None,
+    save: Path | None = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what results of one robot over months say together: wear, collisions, changed gears.
+
+    Zeros, angles between axes, backlash, compliance and ripple of each axis are compared with the
+    uncertainty of a repetition, and steps and drifts beyond chance named with axis and dates.
+    Results whose verdict is not acceptable are listed, and not used.
+
+    Example: `ballbar history results/2026-* --tolerance-mm 0.1 --out history.html`
+
+    RESULTS : Folders that `ballbar identify` wrote, or calibration.yaml files, of two days or
+        more, in any order.
+    --tolerance-mm MM : Mean TCP error up to which the robot may run: says when the next calibration
+        is due.
+    --out FILE : New page (.html) or figure (.svg).
+    """
+    from ballbar.history.history import due, read_history
+    from ballbar.history.show import history_data, say_history, write_history
+
+    read = read_history(results)
+    expected = None if tolerance_mm is None else due(read, tolerance_mm * 1e-3)
+    if save is not None:
+        write_history(save, read, expected)
+    if as_json:
+        say_json(history_data(read, expected))
+    say_history(out, read, expected)
 
 
 @command(commands)

@@ -38,9 +38,11 @@ COMMANDS = {
         "replay": "result",
         "compare": "comparison",
         "verify": "comparison",
+        "history": "comparison",
         "performance": "comparison",
         "export": "result",
         "correct": "result",
+        "certificate": "certificate",
     },
     TEST_BENCH: {
         "list": "shipped",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from ballbar.ident.robot.budget import COVERAGE, MIXED, Budget, BudgetRow
-from ballbar.report.numbers import fixed, millimetres, significant
+from ballbar.ident.robot.budget import MIXED, Budget, BudgetRow
+from ballbar.ident.robot.coverage import COVERAGE
+from ballbar.report.numbers import fixed, listed, millimetres, significant
 from ballbar.report.section import Section, machine_row, section
 from ballbar.result.run_data import RunData
+from ballbar.result.temperature_entries import TemperatureEntry, temperature_entry
 from ballbar.units import MM
 
 LITTLE = 1e-3  # share of the variance below which rows are added up
+MANY = 1e5  # degrees of freedom that count as infinite in a table
 NAMED = 3  # rows of the sentence
 _UNITS = {"m": (1e6, "µm"), "rad": (1e6, "µrad"), "s": (1e6, "µs")}  # as they are shown
 
@@ -32,6 +35,7 @@ def budget_section(run: RunData) -> list[Section]:
             coverage=fixed(100.0 * COVERAGE, 0),
             freedom=_freedom(budget.degrees_of_freedom),
             mm=MM,
+            temperature=temperature_sentence(temperature_entry(run)),
         )
     ]
 
@@ -48,6 +52,26 @@ def budget_sentence(budget: Budget | None) -> str:
         f"expanded uncertainty of the tool (k = {budget.coverage_factor:.2f}, "
         f"{100.0 * COVERAGE:.0f} %): {usual}, at the worst pose {worst}; "
         f"of its variance {', '.join(rows)}"
+    )
+
+
+def temperature_sentence(entry: TemperatureEntry | None) -> str:
+    """Temperatures of what was measured, and the factor that refers lengths to 20 degC."""
+    if entry is None:
+        return "Temperature: not stated, so lengths are not referred to 20 °C."
+    pairs = ("robot", entry.robot_C), ("instrument", entry.instrument_C)
+    warm = listed([f"{what} {fixed(t, 1)} °C" for what, t in pairs if t is not None])
+    sigma = f"± {significant(entry.sigma_K, 2)} K{' (assumed)' * entry.sigma_assumed}"
+    out = f"Temperature: {warm} {sigma}. "
+    if entry.plate_expansion_per_K is not None:
+        ppm = fixed(entry.plate_expansion_per_K * 1e6, 1)
+        out += f"The plate was taken as long as it is there, with {ppm} µm/(m K). "
+    if entry.factor_to_20_C is None or entry.factor_sigma is None:
+        return out + "The robot's file states no expansion, so its lengths are not those at 20 °C."
+    ppm = fixed((entry.robot_expansion_per_K or 0.0) * 1e6, 1)
+    return (
+        f"{out}Lengths of the robot are those at its temperature; with {ppm} µm/(m K) they are "
+        f"times {entry.factor_to_20_C:.6f} ± {entry.factor_sigma:.6f} at 20 °C."
     )
 
 
@@ -72,4 +96,4 @@ def _cells(row: BudgetRow) -> tuple[str, ...]:
 
 
 def _freedom(freedom: float | None) -> str:
-    return "∞" if freedom is None else fixed(freedom, 0)
+    return "∞" if freedom is None or freedom > MANY else fixed(freedom, 0)

@@ -56,7 +56,9 @@ def write_performance(path: Path, stated: Performance, *, title: str, command: s
         plots.append((place, polar_plot(test), test))
     rows, remarks = shown(stated.rows)
     groups = [list(own) for _, own in groupby(rows, key=lambda row: row[0].symbol)]
-    poses = np.empty((0, 3)) if stated.poses is None else stated.poses[:, :3, 3] * MM
+    cube = np.empty((0, 3))
+    if stated.poses is not None and stated.axes is not None:
+        cube = np.hstack((stated.poses[:, :3, 3] * MM, np.rad2deg(stated.axes)))
     page = template("performance.html").render(
         title=title,
         command=command,
@@ -65,7 +67,7 @@ def write_performance(path: Path, stated: Performance, *, title: str, command: s
         remarks=remarks,
         circles=plots,
         stated=stated,
-        positions=[[fixed(float(v), 1) for v in place] for place in poses],
+        positions=[[fixed(float(v), 1 + 2 * (k > 2)) for k, v in enumerate(row)] for row in cube],
     )
     write_whole(path, printable(page, allowed="\n\t").encode())
 

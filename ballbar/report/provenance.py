@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import shlex
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -54,18 +55,26 @@ def provenance_section(run: RunData, command: str, written: datetime) -> Section
 def _inputs(data: RunData) -> list[InputFile]:
     """The files of every recording, below its name where there are several, and every table."""
     files = [hashed(scenario.parent, scenario.name) for scenario in data.scenario_files]
+    for prefix, folder, name in input_places(data):
+        file = hashed(folder, name)
+        files.append(replace(file, name=f"{prefix}{file.name}"))
+    return files
+
+
+def input_places(data: RunData) -> Iterator[tuple[str, Path, str]]:
+    """(prefix, folder, name) of each file of every recording and table; the prefix tells them
+    apart.
+    """
     for name, recording in data.read:
-        for file in input_files(recording):
-            several = len(data.read) > 1
-            files.append(replace(file, name=f"{name}/{file.name}") if several else file)
+        several = len(data.read) > 1
+        for file in input_names(recording):
+            yield f"{name}/" if several else "", recording.folder or Path(), file
     held_out = [(outcome.name, content) for content, outcome in data.held_out_tables]
     for name, content in (*data.tables, *held_out):
         if (described := content.file) is None:  # poses that were given as arrays
             continue
         for each in dict.fromkeys((described.name, *(f.file for f in content.report.files))):
-            file = hashed(described.parent, each)
-            files.append(replace(file, name=f"{name}/{file.name}"))
-    return files
+            yield f"{name}/", described.parent, each
 
 
 def versions(*, simulated: bool) -> list[tuple[str, str]]:
@@ -78,26 +87,24 @@ def versions(*, simulated: bool) -> list[tuple[str, str]]:
 
 
 def input_files(recording: Recording) -> list[InputFile]:
+    """The files of `input_names`. Raises OSError when one of them is gone."""
+    return [hashed(recording.folder or Path(), name) for name in input_names(recording)]
+
+
+def input_names(recording: Recording) -> list[str]:
     """recording.yaml, the device files, and the descriptions that the recording brings itself.
 
-    Of logs that were given as arrays there are none. Raises OSError when one of them is gone.
+    Of logs that were given as arrays there are none.
     """
-    file, folder = recording.description, recording.folder
-    if folder is None:
+    file = recording.description
+    if recording.folder is None:
         return []
     descriptions = [
         name
         for name in (file.robot, file.measured_by, file.plate)
         if name.endswith(".yaml") and not _is_absolute(name)
     ]
-    return [
-        hashed(folder, name)
-        for name in (
-            "recording.yaml",
-            *(source.file for source in recording.report.files),
-            *descriptions,
-        )
-    ]
+    return ["recording.yaml", *(source.file for source in recording.report.files), *descriptions]
 
 
 def hashed(folder: Path, name: str) -> InputFile:

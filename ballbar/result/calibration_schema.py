@@ -24,7 +24,7 @@ from pydantic import (
 from ballbar.cell.descriptions import Robot
 from ballbar.cell.geometry import Geometry, ParameterTable, parameter_named, table_of_names
 from ballbar.cell.payload import TOOL
-from ballbar.cell.schema import Strict
+from ballbar.cell.schema import Day, Strict
 from ballbar.cell.schema_errors import Loc, missing_key, nearest, wrong_key
 from ballbar.ident.corrections import OF_MACHINE
 from ballbar.ident.corrections.base import Correction
@@ -60,6 +60,7 @@ from ballbar.result.recording_entries import (
     RecordingEntry,
     marks_of,
 )
+from ballbar.result.temperature_entries import TemperatureEntry
 
 SCHEMA: Final = "ballbar-calibration/2"
 
@@ -107,8 +108,11 @@ class CalibrationFile(Strict):
     recordings: Annotated[tuple[AnyRecording, ...], Field(min_length=1)]
     cross_validation: OfPoses[CrossValidationEntry] = None
     fit: FitEntry
+    temperature: TemperatureEntry | None = None  # absent where it was not stated
     uncertainty_budget: BudgetEntry | None = None  # older files do not state it
     held_out: tuple[AnyHeldOut, ...] = ()
+    # last day of measurement; absent where neither stamps nor descriptions of the recordings say it
+    measured_on: Day | None = None
 
     @property
     def logs(self) -> tuple[RecordingEntry, ...]:

@@ -19,6 +19,7 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.foreign_text import printable
 from ballbar.cell.load import load_cell, load_measured_cell
 from ballbar.cell.poses import KnownDistance, PoseGroup, PoseTable
+from ballbar.cell.temperature import at_temperature, temperature_of
 from ballbar.ident.estimates import result_at_rest
 from ballbar.ident.held_out import held_out, held_out_poses
 from ballbar.ident.identify import identify_together
@@ -172,7 +173,8 @@ def _cell_of(recordings: Sequence[Moving], given: Cell | None) -> Cell:
     if given is not None and not same_contents(cell, given):
         what = "describes another robot, ball-bar or plate than `cell`, which arrays came with."
         raise InputError.at(folder, what, "One fit is of one cell.")
-    return cell
+    warmth = temperature_of([recording.description for recording in described], robot=False)
+    return at_temperature(cell, warmth)
 
 
 def _joined(tables: Sequence[Still]) -> PoseTable:

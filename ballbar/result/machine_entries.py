@@ -114,6 +114,9 @@ class CovarianceEntry(Strict):
     masses: tuple[tuple[float, ...], ...]
     held: tuple[str, ...] = ()  # parameters of the instrument that the fit took as exact
     lower: tuple[str, ...]  # rows of the lower triangle: names, held, directions of masses
+    # standard deviation of each name from one recording of a path to the next, by the noise of the
+    # data alone; older files do not state it
+    repeated_sigma: tuple[float, ...] = ()
 
     @model_validator(mode="after")
     def _is_covariance(self) -> CovarianceEntry:
@@ -124,6 +127,9 @@ class CovarianceEntry(Strict):
                 message=f"expected {len(unknowns)} rows, one for each of names, held and masses, "
                 f"found {len(self.lower)}. {RESTORE}",
             )
+        if len(self.repeated_sigma) not in (0, len(self.names)):
+            expected = f"expected {len(self.names)} numbers, one for each of names"
+            raise wrong_key("repeated_sigma", message=f"{expected}. {RESTORE}")
         values = self.covariance.values
         # of what the fit took as exact the files may say that it is
         exact = ~values.any(axis=1) & np.isin(unknowns, self.held)
@@ -149,7 +155,8 @@ class CovarianceEntry(Strict):
         for k, row in enumerate(self.lower):
             values[k, : k + 1] = values[: k + 1, k] = _numbers_of_row(k, row)
         masses = np.array(self.masses) if self.masses else np.zeros((0, 0))
-        return ToolCovariance(self.names, masses, values, self.held)
+        repeated = np.array(self.repeated_sigma)
+        return ToolCovariance(self.names, masses, values, self.held, repeated)
 
 
 def _is_positive(matrix: Array) -> bool:
@@ -185,4 +192,5 @@ def covariance_entry(covariance: ToolCovariance) -> CovarianceEntry:
         masses=tuple(tuple(row) for row in covariance.masses.tolist()),
         held=covariance.held,
         lower=tuple(" ".join(map(repr, row)) for row in rows),
+        repeated_sigma=tuple(covariance.repeated.tolist()),
     )

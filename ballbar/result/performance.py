@@ -17,9 +17,10 @@ from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import geometry_of_chain, parameter_table
 from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.ident.performance.characteristics import ROBOTS, Characteristic, Performance, merged
 from ballbar.ident.performance.cube import fitting_cube
-from ballbar.ident.performance.measured import Circle, measure
+from ballbar.ident.performance.measured import Circle, lengths_beside, measure
 from ballbar.ident.performance.predicted import RobotPair, predict
 from ballbar.ident.robot.identified_kinematics import kinematics
 from ballbar.recordings.read import Thing, measured
@@ -65,7 +66,7 @@ def performance(
         raise InputError(f"the robot does not take the poses of a cube of {side:g} m. {remedy}")
     rows, circles, notes = list[Characteristic](), list[Circle](), list(NOTES)
     if thing is not None:
-        table, targets = _poses_of(stored, measured(thing, cell)), stored.targets
+        table, targets = _poses_of(stored, robots, measured(thing, cell)), stored.targets
         rows, circles = measure(robots, targets, table, cube, radius=radius)
         notes.append(COMMANDED if rows else NOTHING)
         if circles and radius is None and table.groups[0].measured == "length":
@@ -73,7 +74,8 @@ def performance(
     stated = merged(rows, predict(robots, cube))
     if cube is None:
         return Performance(stated, tuple(notes), tuple(circles))
-    return Performance(stated, tuple(notes), tuple(circles), cube.side, cube.poses)
+    axes = joints_to_axes(stored.robot, cube.q)
+    return Performance(stated, tuple(notes), tuple(circles), cube.side, cube.poses, axes)
 
 
 def robots_of(calibration: Calibration) -> RobotPair:
@@ -83,11 +85,8 @@ def robots_of(calibration: Calibration) -> RobotPair:
     return RobotPair(kinematics(robot.rigid(geometry), chain), kinematics(robot, chain))
 
 
-def _poses_of(stored: Calibration, read: Recording | PoseImport) -> PoseTable:
-    """Poses as read, or the lengths of a telescoping ball-bar beside a robot's log.
-
-    The clock of a length is taken for the robot's: on a circle a late angle turns the plot alone.
-    """
+def _poses_of(stored: Calibration, robots: RobotPair, read: Recording | PoseImport) -> PoseTable:
+    """Poses as read, or the lengths of a telescoping ball-bar beside a robot's log."""
     if isinstance(read, PoseImport):
         folder, table = None if read.file is None else read.file.parent, read.table
         check_same(stored, folder, {"robot": read.description.robot}, table.robot)
@@ -96,7 +95,9 @@ def _poses_of(stored: Calibration, read: Recording | PoseImport) -> PoseTable:
     log, lengths = read.robot_log, read.length_log
     if lengths is None:
         return PoseTable(read.name, stored.robot, ())
-    q = np.column_stack([np.interp(lengths.t, log.t, column) for column in log.q.T])
+    commanded = robots.nominal.identified.ends(log.q)[:, :3, 3]
+    at = lengths.t + lengths_beside(commanded, log.t, lengths)
+    q = np.column_stack([np.interp(at, log.t, column) for column in log.q.T])
     values, rows = lengths.length[:, None], np.arange(lengths.t.size)
     group = PoseGroup("length", "seat", "target", q, values, sigma=0.0 * values, rows=rows, file="")
     return PoseTable(read.name, stored.robot, (group,))
@@ -109,6 +110,9 @@ def performance_data(stated: Performance) -> dict[str, object]:
         | {robot: asdict(s) for robot, s in zip(ROBOTS, row.statements, strict=True)}
         for row in stated.rows
     ]
-    poses = None if stated.poses is None else stated.poses.tolist()
-    cube = {"cube_side_m": stated.side, "cube_poses": poses}
+    cube = {
+        "cube_side_m": stated.side,
+        "cube_poses": None if stated.poses is None else stated.poses.tolist(),
+        "cube_axes_rad": None if stated.axes is None else stated.axes.tolist(),
+    }
     return {**cube, "characteristics": rows, "notes": list(stated.notes)}

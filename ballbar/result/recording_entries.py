@@ -108,6 +108,13 @@ class TrackerEntry(Strict):
     nominal: PointErrorsEntry
 
 
+class GrowthEntry(Strict):
+    """Growth of a link during a recording."""
+
+    length_m: float
+    sigma_m: NotNegative
+
+
 class RecordingEntry(Strict):
     """Clock, noise, residuals and parameters of one recording of a moving robot."""
 
@@ -121,6 +128,8 @@ class RecordingEntry(Strict):
     step_faults: tuple[StepFaultEntry, ...] = ()
     tracker: TrackerEntry | None = None
     temperature_C: float | None = None  # as recording.yaml states it
+    # of each long link while it lasted; absent where it was not fitted
+    growth: dict[str, GrowthEntry] | None = None
 
 
 class PlacementEntry(Strict):

@@ -54,6 +54,7 @@ from ballbar.result.recording_entries import (
     ResidualEntry,
 )
 from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.result.temperature_entries import growth_entries, temperature_entry
 
 _UNIT = re.compile(r"_(?:m|rad|s)$")
 E = TypeVar("E", bound=Strict)
@@ -84,9 +85,19 @@ def calibration_of(data: RunData) -> CalibrationFile:
         ),
         seats={} if poses is None else _placements(poses.seats),
         targets={} if poses is None else _placements(poses.targets),
+        measured_on=_last_day(data),
+        temperature=temperature_entry(data),
         uncertainty_budget=_content(BudgetEntry, result.budget),
         **own,
     )
+
+
+def _last_day(data: RunData) -> str | None:
+    """The last day on which something of a result was measured; None where nothing says it."""
+    recordings = [r.recording for r in data.recordings]
+    days = {r.description.measured_on or r.report.day for r in recordings}
+    days |= {table.description.measured_on or table.report.day for _, table in data.tables}
+    return max(days - {""}, default=None)
 
 
 def _of_recordings(data: RunData) -> dict[str, Any]:
@@ -278,6 +289,7 @@ def _recording(fitted: FittedRecording) -> RecordingEntry:
         ),
         residuals=_residuals(estimate),
         temperature_C=fitted.recording.description.temperature_C,
+        growth=growth_entries(estimate.growth),
     )
 
 

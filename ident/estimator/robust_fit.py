@@ -51,6 +51,8 @@ def fit_robustly(
     counting[[] if left_out is None else left_out] = 0.0
     robust = counts = np.split(counting, np.cumsum([p.size for p in model.parts])[:-1])
     declared = model.unknowns
+    stated = np.concatenate((declared.machine, declared.sizes))
+    model = replace(model, unknowns=widened(declared, x, declared.sizes))
     iterations, converged = 0, False
     for _ in range(ROUNDS):
         problem = WhitenedLoopClosure(model, x, _no_bars(model), excess, robust=robust)
@@ -59,7 +61,7 @@ def fit_robustly(
         iterations += minimum.iterations
         before, excess = excess, unexplained(model, linear, excess)
         robust = [r * c for r, c in zip(robust_weights(linear), counts, strict=True)]
-        model = replace(model, unknowns=widened(declared, x))
+        model = replace(model, unknowns=widened(declared, x, stated))
         converged = minimum.converged or minimum.stuck
         settled = all(
             abs(after - old) <= SETTLED * old
@@ -138,10 +140,10 @@ def median_scale(lengths: Sequence[Array]) -> float:
     return float(np.median(np.concatenate(lengths))) / MEDIAN
 
 
-def widened(declared: Unknowns, x: Array) -> Unknowns:
-    """The unknowns with the priors of parameters and coefficients in Student's distribution."""
-    sigma, machine = declared.sigma.copy(), declared.machine
-    sigma[machine] = with_tails(sigma[machine], x[machine] - declared.mean[machine])
+def widened(declared: Unknowns, x: Array, chosen: NDArray[np.intp]) -> Unknowns:
+    """The unknowns, of what files state those chosen, with priors in Student's distribution."""
+    sigma = declared.sigma.copy()
+    sigma[chosen] = with_tails(sigma[chosen], x[chosen] - declared.mean[chosen])
     return replace(declared, sigma=sigma)
 
 
@@ -157,7 +159,11 @@ def unexplained(model: Model, linear: NormalEquations, before: ExcessNoise) -> E
     """
     spare = max(0.05, 1.0 - determined(linear, model.unknowns) / linear.equations)
     if any(group.factor is not None for group in model.poses.groups):
-        return likeliest(model, linear, before, OF_POSES, spare, FURTHEST)
+        lengths = whitened_lengths(linear)
+        limit = GROSS * median_scale(lengths)
+        counts = tuple(r * (v < limit) for r, v in zip(linear.robust, lengths, strict=True))
+        counting = replace(linear, robust=counts)
+        return likeliest(model, counting, before, OF_POSES, spare, FURTHEST)
     position = rotation = 0.0
     count = turns = 0.0
     for point, robust in zip(linear.evaluations, linear.robust, strict=True):

@@ -93,6 +93,7 @@ class Uncertainty:
     white: Array  # (P, P) part that the data would leave were their residuals white
     widened: Array  # (P, P) part by which it is more, as they are not
     considered: Array  # (P, K) shifts of the estimate for a deviation of each direction of masses
+    candidates: Array  # (P, K) shifts by terms that the fit left out
     doubt: Array  # (P, L) shifts by what contradicts itself: known lengths, and beyond priors
     inflation: Array  # (P,) factor on each standard deviation over that of white residuals
     information_gain: Array  # (P,) 1 - (posterior sigma / prior sigma)^2: 0 prior alone, 1 data
@@ -132,6 +133,7 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
         white=data,
         widened=inflated - data,
         considered=shifts,
+        candidates=candidates,
         doubt=doubt,
         inflation=inflation,
         information_gain=gain,

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.board import SCALES
 from ballbar.cell.clock import Clock
 from ballbar.cell.geometry import Geometry, Parameter
 from ballbar.cell.placement import Placement
@@ -183,6 +184,12 @@ class Unknowns:
     def common(self, x: Array, errors: CommonErrors | None) -> Array:
         """(U,) unknowns in place of an instrument's common errors; none where it has none."""
         return np.zeros(0) if errors is None else x[self.placed.common[errors.name]]
+
+    @property
+    def sizes(self) -> NDArray[np.intp]:
+        """Indices of the sizes of boards, which files state as they do the machine."""
+        sizes = [i for i, name in enumerate(self.names) if name.endswith(SCALES)]
+        return np.array(sizes, dtype=np.intp)
 
     def held(self, targets: Iterable[str] = ()) -> Unknowns:
         """The same with robot, coefficients and some targets held at their priors' means."""

@@ -93,6 +93,7 @@ class Performance:
     circles: tuple[tuple[str, CircularTest], ...] = ()  # each with its place
     side: float | None = None  # [m] edge of the test cube; None where there is none
     poses: Array | None = None  # (5, 4, 4) P1 to P5, robot base frame
+    axes: Array | None = None  # (5, J) [rad] angles of the controller's axes there
 
 
 def merged(

@@ -28,8 +28,8 @@ SIDES = (1.0, 0.63, 0.4, 0.25)  # [m] edges that the standard prefers
 PLANE = ((-1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (1.0, 1.0, 1.0), (1.0, -1.0, 1.0))  # C1 C2 C7 C8
 FROM_END = 0.1  # of a diagonal
 TILTS = np.deg2rad([180.0, 135.0, 90.0])  # of the flange's axis from the vertical that are tried
-STEPS = range(-4, 5)  # of the centre that are tried
-STEP = 0.15  # of half the length of the robot's chain
+STEPS = range(-6, 7)  # of the centre that are tried
+STEP = 0.12  # of half the length of the robot's chain
 CLEAR = 0.1  # of the same, between the cube and the axis of the base
 
 

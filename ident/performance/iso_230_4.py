@@ -54,7 +54,7 @@ class CircularTest:
 def least_squares_circle(points: Array) -> tuple[Array, float]:
     """Centre (2,) [m] and radius [m] of the circle with the least sum of squared radial distances.
 
-    points : (N, 2) [m]. Gauss-Newton steps from the algebraic fit (Kasa 1976).
+    points : (N, 2) [m]. Gauss-Newton steps from the algebraic fit.
     """
     matrix = np.column_stack((2.0 * points, np.ones(len(points))))
     x = np.linalg.lstsq(matrix, (points**2).sum(axis=1), rcond=None)[0]

@@ -11,8 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.logs import LengthLog
 from ballbar.cell.placement import Placement
 from ballbar.cell.poses import PoseGroup, PoseTable
 from ballbar.cell.statistics import rms
@@ -34,6 +36,8 @@ POINTS = 100  # of a path at which its normal planes stand
 SAME = 0.01  # of the extent of the angles within which two instants are of one point of a path
 REGULAR = 0.01  # of a lap by which laps may differ in length
 BEYOND = 0.03  # of a lap, before and behind it, in which planes may be passed as well
+LAG, LAG_STEP, LAG_ROWS = 5.0, 0.1, 1000  # [s], [s] and rows of the search for a clock
+HARMONICS = 4  # of the angle, of lengths about a circle
 CIRCLE_ROWS = 36  # from which a commanded path may be a circle
 ROUND = 0.01  # of its radius by which a commanded circle may be off
 
@@ -162,6 +166,31 @@ def circle_of_lengths(
     return _measured_circle([group.values * along], radius or float(group.values.mean()), group)
 
 
+def lengths_beside(commanded: Array, robot_time: Array, log: LengthLog) -> float:
+    """[s] robot time of the first row of a ball-bar that logged on a clock of its own.
+
+    commanded : (N, 3) [m] circle of the flange at robot times (N,) [s]. Lengths of either direction
+    are one function of the angle, HARMONICS of it, only by the right clock; of one direction any
+    lag turns the plot alone.
+    """
+    if (circle := _commanded_circle(commanded)) is None:
+        return 0.0
+    across = (commanded - circle[0]) @ circle[1].T
+    angle = np.unwrap(np.arctan2(across[:, 1], across[:, 0]))
+    some = slice(None, None, max(1, log.t.size // LAG_ROWS))
+
+    def left(lag: float) -> float:
+        turns = np.outer(np.interp(log.t[some] + lag, robot_time, angle), np.arange(HARMONICS + 1))
+        columns = np.hstack((np.cos(turns), np.sin(turns[:, 1:])))
+        solution = np.linalg.lstsq(columns, log.length[some], rcond=None)[0]
+        return rms(log.length[some] - columns @ solution)
+
+    longer = float(np.ptp(robot_time) - np.ptp(log.t))
+    lags = np.arange(min(0.0, longer) - LAG, max(0.0, longer) + LAG, LAG_STEP)
+    best = float(lags[int(np.argmin([left(lag) for lag in lags]))])
+    return float(minimize_scalar(left, bounds=(best - LAG_STEP, best + LAG_STEP)).x)
+
+
 def _measured_circle(
     paths: Sequence[Array], radius: float, group: PoseGroup
 ) -> MeasuredCircle | None:
@@ -192,7 +221,7 @@ def _commanded_circle(points: Array) -> tuple[Array, Array, float] | None:
 def circle_rows(place: str, circle: MeasuredCircle) -> Iterator[Characteristic]:
     """G, F and roundness of a circle."""
     count = circle.test.angle.size
-    # expected range of so many normal values (Cramer 1946)
+    # about the expected range of so many normal values
     width = 2.0 * circle.noise * float(np.sqrt(2.0 * np.log(count))) * 1e3
     remark = f"about {width:.2g} mm would follow from the instrument's stated noise alone"
     values, rest = _circular(circle.test), None if circle.left is None else _circular(circle.left)

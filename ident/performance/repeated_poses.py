@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.placement import Placement
@@ -121,7 +122,8 @@ def repetitions(q: Array) -> list[Rows]:
 
     A pose belongs to the first command whose first angles are within SAME of its own.
     """
-    left, rows = np.arange(len(q)), list[Rows]()
+    close = cKDTree(q).query_ball_point(q, SAME, p=np.inf, return_length=True)
+    left, rows = np.flatnonzero(np.asarray(close) > 1), list[Rows]()
     while left.size:
         same = (np.abs(q[left] - q[left[0]]) <= SAME).all(axis=1)
         rows.append(left[same])

@@ -88,12 +88,13 @@ def tcp_error(model: Geometry, truth: Geometry, grid: Array) -> TcpError:
 
 def position_error(predicted: Array, actual: Array) -> TcpError:
     """Error of predicted tool positions (G, 3) [m] against actual ones, base aligned."""
-    rigid = np.linalg.norm(_aligned(predicted, actual, scale=False) - actual, axis=1)
-    scaled = np.linalg.norm(_aligned(predicted, actual, scale=True) - actual, axis=1)
+    rigid = np.linalg.norm(aligned(predicted, actual, scale=False) - actual, axis=1)
+    scaled = np.linalg.norm(aligned(predicted, actual, scale=True) - actual, axis=1)
     return TcpError(predicted, rigid, scaled)
 
 
-def _aligned(points: Array, target: Array, *, scale: bool) -> Array:
+def aligned(points: Array, target: Array, *, scale: bool) -> Array:
+    """(G, 3) [m] points (G, 3) after the best rigid motion onto a target, or with a factor too."""
     a, b = points - points.mean(axis=0), target - target.mean(axis=0)
     u, s, vt = np.linalg.svd(b.T @ a)
     turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])

@@ -5,16 +5,14 @@ contribution is the root mean square over the workspace of the tool's error that
 uncertainty of it makes, and its sensitivity that over the standard uncertainty. Variances of rows
 add up to that of the stated TCP uncertainty (5.1.2): what the latter states beyond all inputs,
 since residuals are not white, is the row of the unmodelled part. The effective degrees of freedom
-are those of Welch & Satterthwaite (G.4.1). The factor k holds 95 % of the distances of tool and
-prediction, all directions together: by draws from the stated covariance (JCGM 101:2008), with the
-tails of Student's distribution of so many degrees of freedom. Where angles are so uncertain that
-the linear law is in doubt, the draws pass the exact forward kinematics.
+are those of Welch & Satterthwaite (G.4.1); the factor k that holds 95 % of the distances is that of
+ballbar.ident.robot.coverage.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from typing import Literal
@@ -23,20 +21,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import ParameterTable, parameter_named
 from ballbar.cell.statistics import rms
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.variance_parts import variance_parts
+from ballbar.ident.robot.coverage import (
+    coverage_factor,
+    exact_squares,
+    is_in_doubt,
+    linear_squares,
+    stated_of,
+)
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.pose_covariance import PoseCovariance
 from ballbar.ident.robot.tool_covariance import ToolCovariance
 
-UNMODELLED = "unmodelled"
-COVERAGE = 0.95
-DRAWS = 100  # for each of the poses of the workspace
+UNMODELLED, LEFT_OUT, LEFT_OUT_TERMS, DOUBT = "unmodelled", "left_out", "left_out_terms", "doubt"
 _DRAWS_SEED = 101  # the same for everyone
-DOUBT = 0.01  # of the stated uncertainty: second-order error from which draws are exact
-EXACT_DRAWS, EXACT_STEP = 60, 8  # draws, and every so many of the poses, of exact kinematics
 MIXED = "1"  # unit of inputs of different units: their standard uncertainties
 
 Evaluated = Literal["A", "B"]  # by statistics of the data, or by other knowledge
@@ -55,6 +57,7 @@ class BudgetSource:
 
 SOURCES: dict[str, BudgetSource] = {
     "plate": BudgetSource("plate: length by its file, which is the scale", "m"),
+    "temperature": BudgetSource("temperature: growth of the plate from 20 deg C", "m"),
     "rod": BudgetSource("rod: length by its file", "m"),
     "axes": BudgetSource("axes of the instrument: offsets and squareness", MIXED),
     "distance": BudgetSource("known distances between seats", "m"),
@@ -76,7 +79,10 @@ SOURCES: dict[str, BudgetSource] = {
     "robot": BudgetSource("robot: catalogue values (prior)", MIXED),
     "placement": BudgetSource("place and clock of the instrument (prior)", MIXED),
     "rounding": BudgetSource("rounding of counts and times", "m", "B", "rectangular"),
-    UNMODELLED: BudgetSource("unmodelled part: misfit, ripple, what was left out", "m", "A", "t"),
+    LEFT_OUT: BudgetSource("poses left out of the fit: errors along each axis", "m", "A", "t"),
+    LEFT_OUT_TERMS: BudgetSource("terms and ripple that the data do not rule out", MIXED, "A"),
+    DOUBT: BudgetSource("lengths and priors that contradict the data", MIXED, "A"),
+    UNMODELLED: BudgetSource("unmodelled part: residuals that are no white noise", "m", "A", "t"),
 }
 
 
@@ -127,15 +133,17 @@ def budget(
     unknowns: NDArray[np.intp],
     *,
     blocks: int,
+    beyond: Mapping[str, Array] | None = None,
     rng: np.random.Generator | None = None,
 ) -> Budget:
     """The budget of a fit's tool.
 
     sigma : (G,) [m] stated over the workspace. unknowns : (U,) of the fit, which are the first ones
     of the covariance that `robot` states. blocks : of time or space that show the unmodelled part.
+    beyond : (U, K) shifts of theirs that the stated covariance counts besides, by row.
     rng : of the draws; the same for everyone if not given.
     """
-    stated = _stated(robot)
+    stated = stated_of(robot)
     columns = stated.columns(robot)
     seen = np.flatnonzero(columns[:, : len(unknowns)].any(axis=0))
     moves = np.ascontiguousarray(columns[:, seen])
@@ -143,12 +151,19 @@ def budget(
         (part.row, ((moves @ part.covariance) * moves).sum(axis=1), part.size)
         for part in variance_parts(fit, unknowns[seen], partial(row_of, fit))
     ]
+    for name, shifts in (beyond or {}).items():
+        if shifts.any():
+            inputs.append((name, ((columns[:, : len(unknowns)] @ shifts) ** 2).sum(axis=1), 1.0))
     for name, root, size in _beside(robot, len(unknowns)):
         inputs.append((name, ((columns @ root) ** 2).sum(axis=1), size))
+    if isinstance(stated, PoseCovariance):
+        each = stated.left_over
+        inputs.append((LEFT_OUT, np.full(len(columns), each**2), each))
     variances, sizes = dict[str, Array](), dict[str, list[float]]()
     for name, squares, size in inputs:
         variances[name] = variances.get(name, 0.0) + squares.reshape(-1, 3).sum(axis=1)
         sizes.setdefault(name, []).append(size)
+    _split_by_heat(robot, variances, sizes)
     left = sigma**2 - sum(variances.values())
     variances[UNMODELLED], sizes[UNMODELLED] = left, [float(np.sqrt(np.abs(left.mean())))]
     sentences = {c.name: c.sentence for c in fit.model.corrections}
@@ -162,7 +177,9 @@ def budget(
     freedom = welch_satterthwaite(rows)
     rng = rng or np.random.default_rng(_DRAWS_SEED)
     exact = is_in_doubt(robot, float(np.sqrt(total)))
-    draws = exact_squares(robot, rng) if exact else _squares(stated.values, columns, sigma, rng)
+    draws = (
+        exact_squares(robot, rng) if exact else linear_squares(stated.values, columns, sigma, rng)
+    )
     factor = coverage_factor(draws, freedom, rng)
     return Budget(
         rows=tuple(rows),
@@ -173,6 +190,20 @@ def budget(
         coverage_factor=factor,
         exact=exact,
     )
+
+
+def _split_by_heat(
+    robot: IdentifiedRobot, variances: dict[str, Array], sizes: dict[str, list[float]]
+) -> None:
+    """Gives the plate's length by its file and its growth rows of their own; in place."""
+    plate = robot.description.plate if isinstance(robot.description, Cell) else None
+    if plate is None or not plate.thermal_sigma or "plate" not in variances:
+        return
+    share = (plate.thermal_sigma / plate.length_sigma) ** 2
+    whole = variances["plate"]
+    variances |= {"temperature": share * whole, "plate": (1.0 - share) * whole}
+    sizes["temperature"] = [plate.thermal_sigma]
+    sizes["plate"] = [plate.length_sigma * float(np.sqrt(1.0 - share))]
 
 
 def row_of(fit: Fit, source: str) -> str:
@@ -199,19 +230,13 @@ def _row_of_parameter(name: str, table: ParameterTable) -> str:
     return "axes" if parameter_named(name).side == "bar" else "robot"
 
 
-def _stated(robot: IdentifiedRobot) -> ToolCovariance | PoseCovariance:
-    stated = robot.stated
-    assert isinstance(stated, ToolCovariance | PoseCovariance), "nothing is stated of the robot"
-    return stated
-
-
 def _beside(robot: IdentifiedRobot, count: int) -> Iterator[tuple[str, Array, float]]:
     """Row, (U, K) deviations and size of what a fit took as exact: of the instrument, and masses.
 
     count : of the unknowns, which come first. In a covariance `[[V + S S', S R'], [R S', R R']]`
     with the shifts S by independent inputs of deviations R, those are `[S; R]`.
     """
-    stated = _stated(robot)
+    stated = stated_of(robot)
     if not isinstance(stated, ToolCovariance):
         return
     values, held = stated.values, count + len(stated.held)
@@ -259,75 +284,3 @@ def welch_satterthwaite(rows: Iterable[BudgetRow]) -> float | None:
     counted = [row for row in rows if row.degrees_of_freedom is not None]
     squares = sum(row.share**2 / (row.degrees_of_freedom or 1.0) for row in counted)
     return 1.0 / squares if squares else None
-
-
-def coverage_factor(squares: Array, freedom: float | None, rng: np.random.Generator) -> float:
-    """k that holds COVERAGE of drawn distances.
-
-    squares : (D, n) [-] of n poses, squared and over their variance; with the tails of Student's
-    distribution they get larger by one factor for each draw.
-    """
-    if freedom is not None:
-        squares = squares * freedom / rng.chisquare(freedom, size=(len(squares), 1))
-    return float(np.sqrt(np.quantile(squares, COVERAGE)))
-
-
-def _squares(covariance: Array, columns: Array, sigma: Array, rng: np.random.Generator) -> Array:
-    """(DRAWS, G) [-] squared distances over the variance, by the linear law.
-
-    covariance : (U, U) of what moves the tool by `columns` (3G, U). What sigma (G,) [m] is beyond
-    it is equal in all directions.
-    """
-    by_pose = columns.reshape(len(sigma), 3, -1)
-    spread = (columns @ covariance).reshape(by_pose.shape) @ by_pose.transpose(0, 2, 1)
-    spread += ((sigma**2 - np.trace(spread, axis1=1, axis2=2)) / 3.0)[:, None, None] * np.eye(3)
-    variances = np.maximum(np.linalg.eigvalsh(spread), 0.0)  # (G, 3)
-    normal = rng.normal(size=(DRAWS, *variances.shape))
-    return np.asarray((normal**2 * variances).sum(axis=2) / variances.sum(axis=1))
-
-
-def is_in_doubt(robot: IdentifiedRobot, sigma: float) -> bool:
-    """Whether the second order of the robot's uncertain angles is no small part of sigma [m]."""
-    table, stated = robot.geometry.table, _stated(robot)
-    lever = float(np.linalg.norm(robot.poses(stated.poses(robot))[:, :3, 3], axis=1).max())
-    angles = [k for k, i in enumerate(_parameters(robot)) if not table.parameters[i].is_length]
-    second = 0.5 * np.diag(stated.values)[angles] * lever
-    return float(np.linalg.norm(second)) > DOUBT * sigma
-
-
-def _parameters(robot: IdentifiedRobot) -> NDArray[np.intp]:
-    """(P,) indices into the table of the parameters that the stated covariance begins with."""
-    stated, index = _stated(robot), robot.geometry.table.index
-    if isinstance(stated, PoseCovariance):
-        return stated.parameters
-    return np.array([index[name] for name in stated.names if name in index], dtype=np.intp)
-
-
-def exact_squares(robot: IdentifiedRobot, rng: np.random.Generator) -> Array:
-    """(EXACT_DRAWS, n) [-] squared distances over the variance, by the exact forward kinematics.
-
-    What they add to the linear law is added to the linear errors of the stated covariance.
-    """
-    stated, parameters = _stated(robot), _parameters(robot)
-    chosen = slice(None, None, EXACT_STEP)
-    q = stated.poses(robot)[chosen]
-    columns = stated.columns(robot).reshape(-1, 3, len(stated.values))[chosen]
-    values, vectors = np.linalg.eigh(stated.values)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    sigma = robot.sigma(q)
-    rest = np.sqrt(np.maximum(0.0, sigma**2 - ((columns @ root) ** 2).sum(axis=(1, 2))) / 3.0)
-    linear, here = robot.jacobian(q, parameters), robot.poses(q)[:, :3, 3]
-    own, out = parameters.size, []
-    for _ in range(EXACT_DRAWS):
-        x = root @ rng.normal(size=len(root))
-        geometry = robot.geometry.values.copy()
-        geometry[parameters] += x[:own]
-        moved = replace(
-            robot,
-            geometry=robot.geometry.with_values(geometry),
-            values=robot.values + x[own : len(linear)],
-        )
-        beyond = moved.poses(q)[:, :3, 3] - here - np.einsum("u,ucn->nc", x[: len(linear)], linear)
-        error = columns @ x + beyond + rest[:, None] * rng.normal(size=here.shape)
-        out.append((error**2).sum(axis=1) / sigma**2)
-    return np.array(out)

@@ -73,6 +73,12 @@ class StatedUncertainty(Protocol):
     def of(self, robot: IdentifiedRobot) -> Callable[[Array], PositionUncertainty]:
         """Uncertainty of the tool's position as a function of q (N, J) [rad]."""
 
+    def poses(self, robot: IdentifiedRobot) -> Array:
+        """(G, J) [rad] poses over which the uncertainty of the tool is stated."""
+
+    def draws(self, robot: IdentifiedRobot, count: int, rng: np.random.Generator) -> Array:
+        """(D, G, 3) [m] draws of the tool's error at `poses`."""
+
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedRobot:
@@ -251,6 +257,14 @@ class IdentifiedRobot:
         InputError where no uncertainty is stated.
         """
         return self.uncertainty(q).covariance
+
+    def error_draws(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        """(G, J) [rad] poses over which the uncertainty is stated, and (D, G, 3) [m] draws of the
+        tool's error there.
+
+        Raises InputError where no uncertainty is stated.
+        """
+        return self._stated.poses(self), self._stated.draws(self, count, rng)
 
     def sigma(self, q: Array) -> Array:
         """(N,) [m] standard deviation of the position, all axes together."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 from ballbar.cell.chain import joint_screws
 from ballbar.cell.placement import Placement
+from ballbar.cell.statistics import covariance_root
 from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
@@ -35,6 +36,11 @@ class PoseCovariance:
 
     inside_only: ClassVar[bool] = True
 
+    @property
+    def left_over(self) -> float:
+        """[m] error of a pose along each axis, white noise of what followed the robot taken off."""
+        return float(np.sqrt(max(0.0, self.discrepancy**2 - self.white**2)))
+
     def of(self, robot: IdentifiedRobot) -> Callable[[Array], PositionUncertainty]:
         """Uncertainty of the target's position as a function of q (N, J) [rad]."""
         jacobian = self.jacobian(robot)
@@ -42,8 +48,7 @@ class PoseCovariance:
         def uncertainty(q: Array) -> PositionUncertainty:
             moves, covered = jacobian(q), robot.covered(q)
             half = np.einsum("pq,qcn->pcn", self.values, moves)
-            left = max(0.0, self.discrepancy**2 - self.white**2)
-            result = np.einsum("pcn,pdn->ncd", moves, half) + left * np.eye(3)
+            result = np.einsum("pcn,pdn->ncd", moves, half) + self.left_over**2 * np.eye(3)
             if self.joint_sigma:
                 screws = joint_screws(robot.frames(q))[: robot.robot.joints, :3]
                 result += self.joint_sigma**2 * np.einsum("jcn,jdn->ncd", screws, screws)
@@ -60,6 +65,21 @@ class PoseCovariance:
         """(3G, U) [m] error of the target at `poses` per unit of each unknown, from the seat."""
         moves = self.jacobian(robot)(self.poses(robot))
         return np.asarray(moves.transpose(2, 1, 0).reshape(-1, len(moves)))
+
+    def draws(self, robot: IdentifiedRobot, count: int, rng: np.random.Generator) -> Array:
+        """(D, G, 3) [m] draws of the target's error at `poses`.
+
+        Errors that the model leaves unexplained are drawn for each pose.
+        """
+        unknowns = covariance_root(self.values) @ rng.standard_normal((len(self.values), count))
+        errors = (self.columns(robot) @ unknowns).T.reshape(count, -1, 3)
+        left = np.sqrt(max(0.0, self.discrepancy**2 - self.white**2))
+        errors += left * rng.standard_normal(errors.shape)
+        if self.joint_sigma:
+            screws = joint_screws(robot.frames(self.poses(robot)))[: robot.robot.joints, :3]
+            turns = self.joint_sigma * rng.standard_normal((count, *screws.shape[::2]))
+            errors += np.einsum("jcn,djn->dnc", screws, turns)
+        return np.asarray(errors)
 
     def jacobian(self, robot: IdentifiedRobot) -> Callable[[Array], Array]:
         """Function of q (N, J) [rad] that gives (U, 3, N) change of the target, seen from the seat

@@ -11,13 +11,14 @@ remains is the uncertainty without scale: the scale is what plate, rod or sensor
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.payload import TOOL, with_deviations
+from ballbar.cell.statistics import covariance_root
 from ballbar.ident.robot.accuracy import accuracy_grid, aligned_columns
 from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
@@ -32,6 +33,9 @@ class ToolCovariance:
     masses: Array
     values: Array  # (U, U) [SI] of the named unknowns, of `held`, and of the directions' sizes
     held: tuple[str, ...] = ()  # (H,) parameters of the instrument that the fit took as exact
+    # (P,) [SI] standard deviation of a repetition of each named unknown, of the noise of the data
+    # alone: what priors, lengths and masses are off by is the same again. Empty if not stated
+    repeated: Array = field(default_factory=lambda: np.zeros(0))
 
     # All that is stated is in the covariance, inside and outside the fitted ranges
     discrepancy: ClassVar[float] = 0.0
@@ -50,6 +54,11 @@ class ToolCovariance:
         """(3G, U) [m] error of the tool at `poses` per unit of each unknown, base aligned."""
         grid = self.poses(robot)
         return aligned_columns(robot.poses(grid)[:, :3, 3], _moves(robot, self, grid))
+
+    def draws(self, robot: IdentifiedRobot, count: int, rng: np.random.Generator) -> Array:
+        """(D, G, 3) [m] draws of the tool's error at `poses`, base aligned."""
+        unknowns = covariance_root(self.values) @ rng.standard_normal((len(self.values), count))
+        return np.asarray((self.columns(robot) @ unknowns).T.reshape(count, -1, 3))
 
     @property
     def of_names(self) -> Array:

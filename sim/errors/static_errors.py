@@ -15,6 +15,7 @@ from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import Geometry, ParameterTable, parameter_named, robot_frames
 from ballbar.cell.schema import NotNegative, Strict
 from ballbar.cell.schema_errors import wrong_key
+from ballbar.cell.temperature import Temperatures, temperature_of
 from ballbar.sim.streams import stream
 
 # Thesis Table 3.1, in mm and mrad. Only parameters that every cost function can identify deviate.
@@ -160,6 +161,24 @@ def true_geometry(
     for source in drawn:
         true = true.replaced({name: true[name] + value for name, value in source.items()})
     return true
+
+
+def grown(true: Geometry, cell: Cell, stated: Temperatures) -> Geometry:
+    """The geometry with the robot, plate and rod as long as they are at their temperatures.
+
+    cell : nominal. Lengths whose file states no expansion stay as they are.
+    """
+    arm, instrument = (temperature_of([stated], robot=of_robot) for of_robot in (True, False))
+    longer: dict[str, float] = {}
+    if arm is not None and cell.robot.expansion is not None:
+        share = arm.growth(cell.robot.expansion)[0]
+        robot = [p.name for p in true.table.parameters if p.side == "robot" and p.is_length]
+        longer = {name: share * true[name] for name in robot if name != true.table.plate}
+    if instrument is not None and (plate := cell.plate).expansion is not None:
+        longer[true.table.plate] = instrument.growth(plate.expansion)[0] * plate.length
+    if instrument is not None and (bar := cell.ballbar).expansion is not None:
+        longer["bd3"] = instrument.growth(bar.expansion)[0] * true["bd3"]
+    return true.replaced({name: true[name] + value for name, value in longer.items()})
 
 
 def set_without_strain(true: Geometry, q: Array) -> Geometry:

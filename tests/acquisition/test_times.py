@@ -7,7 +7,14 @@ import pytest
 
 from ballbar.acquisition.stamps.order import STAMP, in_order
 from ballbar.acquisition.table.table import Table
-from ballbar.acquisition.times import TIME_FORMS, TimeCells, forms_by_start, stamps_ns, words
+from ballbar.acquisition.times import (
+    TIME_FORMS,
+    TimeCells,
+    day_of,
+    forms_by_start,
+    stamps_ns,
+    words,
+)
 
 SECOND = 1_000_000_000  # [ns]
 
@@ -52,3 +59,10 @@ def test_every_form_stands_in_one_group_and_those_since_a_year_say_so() -> None:
     assert years == {"1970"}, "and FILETIME and the distributed clock stand before them"
     assert not any("since" in words(form) for form in groups["counted from any start"])
     assert groups["text"] == ["date", "iec-time"]
+
+
+def test_the_day_of_stamps_is_that_of_the_last_and_none_without_epoch() -> None:
+    late = np.datetime64("2026-03-31T23:59", "ns").astype(np.int64)
+    assert day_of(np.array([late - 10**11, late])) == "2026-03-31"
+    assert not day_of(np.array([0, 30 * 365 * 86_400 * 10**9]))  # an up-time of thirty years
+    assert not day_of(np.array([], dtype=np.int64))

@@ -7,9 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
+from ballbar.cell.descriptions import Cell
+from ballbar.cell.instruments.base import TrueStand
+from ballbar.cell.load import load_instrument, load_plate, load_telescoping_bar
+from ballbar.cell.logs import LengthLog, RobotLog
+from ballbar.ident.recording_fit import Logs
 from ballbar.result.calibration import load
 from ballbar.result.performance import performance, robots_of
+from tests.helpers.circular_path import FEED, circle_angles
 from tests.helpers.command_line import output, refusal
 from tests.helpers.pose_results import write_pose_result, write_pose_table
 from tests.helpers.still_poses import table_of, true_robot
@@ -115,3 +122,39 @@ def test_measurements_without_repetition_are_said_to_show_nothing(
     table = table_of(true_robot("ur5", seed=3), "point", count=20)
     folder = write_pose_table(tmp_path / "once", table, "ur5", table.groups[0].q, "ball")
     assert "The measurements hold no pose three times" in output("performance", result, folder)
+
+
+def test_a_recording_of_a_ball_bar_is_a_circular_test(result: Path) -> None:
+    """The bar logs its length at 100 Hz on a clock that began 0.2 s earlier; the report of the bar
+    itself is a fit of radius and two eccentricities to the lengths by the angle of the feed.
+    """
+    true, instrument = true_robot("ur5", seed=3), load_instrument("qc20w_300")
+    way = CubicSpline(FEED, circle_angles()[: FEED.size])
+
+    def feed_at(t: np.ndarray) -> np.ndarray:
+        """(N,) [rad] up for 18 s, and down again; t (N,) [s]."""
+        return np.asarray(2.0 * np.pi * (1.0 - np.abs(t / 18.0 - 1.0)))
+
+    t, fine = np.arange(0.0, 36.0, 0.01), np.arange(0.0, 35.7, 0.01)
+    feed = feed_at(fine + 0.2)
+    q = way(feed)
+    places = true.positions(q)
+    rod = (places - places.mean(axis=0) + np.array([2e-4, -1e-4, 0.0])).T
+    noise = np.random.default_rng(4).standard_normal((6, fine.size))
+    distance = np.linalg.norm(rod, axis=0)
+    stand = TrueStand(rod, distance, np.repeat(np.eye(3)[:, :, None], fine.size, axis=2))
+    length = instrument.kind.measure(stand, noise, instrument)[:, 0]
+    logs = Logs(RobotLog(t, way(feed_at(t))), None, None, "circle", LengthLog(fine, length))
+    cell = Cell(true.robot, load_telescoping_bar("qc20w_300"), load_plate("plate_250"))
+    stated = performance(result, logs, radius=0.12, cell=cell)
+    rows = {row.symbol: row.statements[0] for row in stated.rows if row.place == "circle"}
+    design = np.column_stack((np.ones(feed.size), np.cos(feed), np.sin(feed)))
+    solution = np.linalg.lstsq(design, distance, rcond=None)[0]
+    left = distance - design @ solution
+    # noise of 0.5 um is averaged over ten rows an arc, of 1 deg
+    assert rows["G(b)"].value == pytest.approx(np.ptp(left), abs=6e-6)
+    assert rows["F_max"].value == pytest.approx(left.max() + solution[0] - 0.12, abs=6e-6)
+    assert rows["F_min"].value == pytest.approx(left.min() + solution[0] - 0.12, abs=6e-6)
+    assert np.ptp(left) > 5e-5
+    assert not any("--radius" in note for note in stated.notes)
+    assert any("--radius" in n for n in performance(result, logs, cell=cell).notes)

@@ -23,6 +23,7 @@ from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import Geometry
 from ballbar.cell.load import load_cell
 from ballbar.cell.payload import payload_of, with_payload
+from ballbar.cell.recording import RecordingFile
 from ballbar.ident.complete_fit import FIRST_EXCESS, fit_pose, posed
 from ballbar.ident.corrections import CORRECTIONS
 from ballbar.ident.estimator.build_unknowns import arm_parameters
@@ -71,8 +72,8 @@ def placed(found: RecordingFit) -> Geometry:
 
 def run_data(result: Identification, names: Sequence[str] = ("made",)) -> RunData:
     """A result as of recordings that name shipped descriptions."""
-    description = SimpleNamespace(
-        robot="irb2400", measured_by="lund_600", plate="plate_250", temperature_C=None
+    description = RecordingFile.model_construct(
+        robot="irb2400", ballbar="lund_600", measured_on="2026-03-31"
     )
     recording = cast(Recording, SimpleNamespace(description=description, folder=Path()))
     fits = zip(names, result.recordings, strict=True)
@@ -90,6 +91,7 @@ def check(result: Identification, read: Calibration) -> None:
     """The file holds what the result holds, each number under its name."""
     stated, robot = read.file.covariance, result.robot
     assert stated is not None
+    assert read.file.measured_on == "2026-03-31"
     assert stated.names == robot.tool.names
     assert np.array_equal(stated.covariance.values, robot.tool.values)
     assert {n: p.sigma for n, p in read.file.parameters.items() if p.identified} == robot.sigma

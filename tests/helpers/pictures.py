@@ -111,6 +111,14 @@ def corners(square: float) -> Array:
     return square * np.array([[x, y, 0.0] for y in range(1, ROWS) for x in range(1, COLUMNS)])
 
 
+def shaped(points: Array, stretch: float = 0.0, sag: float = 0.0) -> Array:
+    """Points (C, 3) [m] of a board that is longer along x by a share, and bent [m] along x."""
+    x = points[:, 0] - points[:, 0].mean()
+    square = (x / np.abs(x).max()) ** 2
+    moved = np.column_stack((stretch * points[:, 0], np.zeros(len(points)), sag * square))
+    return points + moved
+
+
 @dataclass(frozen=True, eq=False)
 class Drawn:
     """N pictures and how they came about."""

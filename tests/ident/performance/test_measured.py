@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from ballbar.cell.arrays import Array
-from ballbar.cell.geometry import geometry_of_chain, nominal_chain, parameter_table, robot_geometry
-from ballbar.cell.load import load_robot
-from ballbar.cell.numerical_inverse import in_range
+from ballbar.cell.geometry import geometry_of_chain, nominal_chain, parameter_table
 from ballbar.cell.poses import PoseTable
 from ballbar.ident.performance.characteristics import Characteristic
 from ballbar.ident.performance.cube import TestCube, fitting_cube
@@ -20,6 +18,7 @@ from ballbar.ident.performance.predicted import RobotPair
 from ballbar.ident.performance.repeated_poses import Attained, repetitions
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.identified_kinematics import kinematics
+from tests.helpers.circular_path import circle_angles
 from tests.helpers.still_poses import SEAT, TARGET, group, table_of, true_robot, with_group
 
 CYCLES = 30
@@ -149,26 +148,6 @@ def test_repetitions_are_poses_of_equal_commands() -> None:
     """Angles 0.4 mrad apart are one command, 2 mrad apart are two; two poses do not count."""
     q = np.array([0.0, 1.0, 4e-4, 2e-3, 1.0, -3e-4, 2.1e-3, 1.9e-3])[:, None]
     assert [own.tolist() for own in repetitions(q)] == [[0, 2, 5], [3, 6, 7]]
-
-
-@cache
-def circle_angles() -> Array:
-    """(N, 6) [rad] of a nominal UR5 whose flange passes a circle of 0.12 m there and back."""
-    robot = load_robot("ur5")
-    nominal = kinematics(IdentifiedRobot(robot, robot_geometry(robot)), nominal_chain(robot))
-    turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (turn.size, 1, 1))
-    poses[:, :3, 3] = [-0.45, -0.2, 0.3]
-    poses[:, 0, 3] += 0.12 * np.cos(turn)
-    poses[:, 1, 3] += 0.12 * np.sin(turn)
-    start = nominal.inverse(poses[:1])
-    q = in_range(robot, start.q[int(start.reached[:, 0].argmax())][:, None])[:, 0]
-    angles = []
-    for pose in poses:
-        q = nominal.nearest(pose[None], q).q
-        angles.append(q[0])
-    there = np.array(angles)
-    return np.concatenate((there, there[::-1]))
 
 
 def test_a_telescoping_ball_bar_reports_its_circular_test() -> None:

@@ -17,15 +17,8 @@ from ballbar.ident.options import FitOptions
 from ballbar.ident.recording_fit import Logs, fit_recording
 from ballbar.ident.result import Identification
 from ballbar.ident.robot.accuracy import accuracy_grid, rigid_basis
-from ballbar.ident.robot.budget import (
-    UNMODELLED,
-    Budget,
-    BudgetRow,
-    coverage_factor,
-    exact_squares,
-    is_in_doubt,
-    welch_satterthwaite,
-)
+from ballbar.ident.robot.budget import LEFT_OUT, UNMODELLED, Budget, BudgetRow, welch_satterthwaite
+from ballbar.ident.robot.coverage import coverage_factor, exact_squares, is_in_doubt
 from ballbar.ident.robot.pose_covariance import PoseCovariance
 from ballbar.ident.table_fit import fit_table
 from ballbar.sim.truth import Truth
@@ -81,7 +74,7 @@ def test_rows_add_up_of_a_recording(kinematic: Identification) -> None:
 def test_rows_add_up_of_still_poses(at_rest: Identification) -> None:
     check_sum(at_rest)
     names = {row.name for row in budget_of(at_rest).rows}
-    assert {"instrument", "robot", "position", UNMODELLED} <= names
+    assert {"instrument", "robot", "position", LEFT_OUT, UNMODELLED} <= names
 
 
 @pytest.mark.slow

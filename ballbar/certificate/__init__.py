@@ -1,0 +1,1 @@
+"""The certificate of a calibration: what a quality system files, recomputed from its inputs."""

@@ -1,0 +1,127 @@
+"""Pictures that contradict the board's file, the robot or each other are named, and none of them
+makes a good result that is wrong.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ballbar.acquisition.pose_tables import import_poses
+from ballbar.cell.arrays import Array
+from ballbar.cell.errors import LogError
+from ballbar.ident.estimates import result_at_rest
+from ballbar.ident.table_estimate import TableEstimate
+from ballbar.ident.table_fit import fit_table
+from ballbar.ident.verdict import Status
+from tests.helpers.pictures import Drawn, draw, position_errors, shaped, workspace, write
+
+CENTRE = np.array([655.0, 352.0])
+Change = Callable[[Array, np.random.Generator], Array]
+
+
+def estimated(drawn: Drawn, folder: Path, square: float | None = None) -> TableEstimate:
+    return fit_table(import_poses(write(drawn, folder, square=square)).table)
+
+
+def within(estimate: TableEstimate, drawn: Drawn) -> float:
+    """Error of the tool over what is stated of it, root mean squares within the fitted ranges."""
+    q, robot = workspace(drawn), estimate.identified_robot()
+    q = q[robot.covered(q)]
+    error, stated = position_errors(robot.tool(q), drawn.tcp(q)), robot.sigma(q)
+    return float(np.sqrt((error**2).mean() / (stated**2).mean()))
+
+
+def test_pictures_that_agree_make_a_good_result(tmp_path: Path) -> None:
+    drawn = draw(20, board=lambda points: shaped(points, sag=1e-3))
+    estimate = estimated(drawn, tmp_path)
+    verdict = result_at_rest(estimate).verdict
+    assert verdict.status is Status.GOOD
+    assert not verdict.warnings
+    assert within(estimate, drawn) < 2.0
+    (camera,) = estimate.cameras.values()
+    values = dict(zip(camera.errors.names, camera.values, strict=True))
+    assert values["sag_xx"] == pytest.approx(1e-3, abs=1e-4)  # a board bent by 1 mm is measured
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.04, r"\+4.0\d% along x and \+4.0\d% along y")])
+def test_a_board_of_another_size_is_named(tmp_path: Path, share: float, named: str) -> None:
+    drawn = draw(20)
+    estimate = estimated(drawn, tmp_path, square=0.025 / (1.0 + share))
+    verdict = result_at_rest(estimate).verdict
+    assert verdict.status is Status.SUSPECT
+    assert any("differs from its file" in warning for warning in verdict.warnings)
+    assert re.search(named, verdict.sentence)
+    assert within(estimate, drawn) < 2.0  # the robot's catalogue lengths tell the scale
+
+
+def rolling(pixels: Array, rng: np.random.Generator) -> Array:
+    """Rows read one after another in 30 ms, the board moving by some 15 cm/s."""
+    time = np.nan_to_num(pixels[..., 1:] - 360.0) / 720.0 * 0.03
+    return pixels + time * 70.0 * rng.standard_normal((len(pixels), 1, 2))
+
+
+def focused(pixels: Array, rng: np.random.Generator) -> Array:
+    """Another focal length in each picture, by 0.3 %."""
+    share = 1.0 + 3e-3 * rng.standard_normal((len(pixels), 1, 1))
+    return (pixels - CENTRE) * share + CENTRE
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [(rolling, "the robot moved while pictures were taken"), (focused, "Switch off autofocus")],
+)
+def test_pictures_that_contradict_each_other_are_named(
+    tmp_path: Path, change: Change, named: str
+) -> None:
+    drawn = draw(20)
+    wrong = replace(drawn, pixels=change(drawn.pixels, np.random.default_rng(3)))
+    estimate = estimated(wrong, tmp_path)
+    verdict = result_at_rest(estimate).verdict
+    assert verdict.status is not Status.GOOD
+    assert any(named in warning for warning in verdict.warnings)
+    assert within(estimate, drawn) < 2.0
+
+
+def test_a_board_that_is_no_plane_is_named(tmp_path: Path) -> None:
+    def wavy(points: Array) -> Array:
+        return points + np.outer(1e-3 * np.sin(points[:, 0] / 0.03), [0.0, 0.0, 1.0])
+
+    verdict = result_at_rest(estimated(draw(20, board=wavy), tmp_path)).verdict
+    assert verdict.status is Status.SUSPECT
+    assert "in all pictures the same" in verdict.sentence
+
+
+@pytest.mark.parametrize("of", ["picture", "numbering"])
+def test_a_mirror_image_is_refused(tmp_path: Path, of: str) -> None:
+    drawn = draw(20, 12)
+    pixels = drawn.pixels.copy()
+    if of == "picture":
+        pixels[..., 0] = 1279.0 - pixels[..., 0]
+    else:
+        pixels = pixels.reshape(len(pixels), 6, 8, 2)[:, :, ::-1].reshape(pixels.shape)
+    with pytest.raises(LogError, match="those of a mirror image"):
+        import_poses(write(replace(drawn, pixels=pixels), tmp_path))
+
+
+@pytest.mark.parametrize("axes", [(3, 4), (1, 2)])
+def test_exchanged_joint_columns_are_not_good(tmp_path: Path, axes: tuple[int, int]) -> None:
+    drawn = draw(20)
+    q = drawn.q.copy()
+    q[:, list(axes)] = q[:, list(axes[::-1])]
+    verdict = result_at_rest(estimated(replace(drawn, q=q), tmp_path)).verdict
+    assert verdict.status is Status.IMPLAUSIBLE
+    assert "the order, signs and units of the joint columns" in verdict.sentence
+
+
+def test_two_exchanged_pictures_are_named_and_do_no_harm(tmp_path: Path) -> None:
+    drawn = draw(20)
+    q = drawn.q.copy()
+    q[[10, 11]] = q[[11, 10]]
+    estimate = estimated(replace(drawn, q=q), tmp_path)
+    warnings = result_at_rest(estimate).verdict.warnings
+    assert any("joints.csv:12, joints.csv:13" in warning for warning in warnings)
+    assert within(estimate, drawn) < 2.0
