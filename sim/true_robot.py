@@ -191,22 +191,40 @@ def true_arm(
     Raises InputError for harmonics of an axis that the robot does not have, and for elastic gears
     where the robot's file has no masses or no gears.
     """
-    stiffness = None
-    if (compliance := errors.joint_compliance) is not None:
-        robot.required("links")
-        spread = stream(seed, "pose_joint_compliance").standard_normal(robot.joints)
-        catalogue = robot.required("gears").stiffness * compliance.scale
-        stiffness = catalogue * np.exp(compliance.spread * spread)
-    play = np.zeros(robot.joints)
-    if (gap := errors.gear_backlash) is not None:
-        if stiffness is None:
-            raise InputError(BACKLASH_IS_HELD)
-        spread = stream(seed, "pose_lost_motion").standard_normal(robot.joints)
-        play = 0.5 * robot.required("gears").lost_motion * gap.scale * np.exp(gap.spread * spread)
     weights = np.zeros((robot.joints, robot.joints))
     if errors.unit_weights is not None:
         drawn = np.abs(stream(seed, "unit_weights").standard_normal(weights.shape))
         weights = np.triu(drawn) * errors.unit_weights.sigma_rad_per_m
+    stiffness, play = _gears(robot, errors, seed)
+    effects = PlantEffects(
+        gear_stiffness=stiffness, gear_backlash=play, ripples=_harmonics(robot, errors, seed)
+    )
+    rows = _rows(robot, errors, seed)
+    if warmth is not None and robot.expansion is not None:
+        growth, _ = warmth.growth(robot.expansion)
+        rows |= {kind: (1.0 + growth) * rows[kind] for kind in ("a", "d")}
+    return TrueArm(robot, Chain(**rows), effects, weights)
+
+
+def _gears(robot: Robot, errors: ErrorSettings, seed: int) -> tuple[Array | None, Array]:
+    """Stiffness (J,) [N m/rad], None of rigid gears, and half of the play (J,) [rad] of gears."""
+    play = np.zeros(robot.joints)
+    if (compliance := errors.joint_compliance) is None:
+        if errors.gear_backlash is not None:
+            raise InputError(BACKLASH_IS_HELD)
+        return None, play
+    robot.required("links")
+    gears = robot.required("gears")
+    spread = stream(seed, "pose_joint_compliance").standard_normal(robot.joints)
+    stiffness = gears.stiffness * compliance.scale * np.exp(compliance.spread * spread)
+    if (gap := errors.gear_backlash) is not None:
+        spread = stream(seed, "pose_lost_motion").standard_normal(robot.joints)
+        play = 0.5 * gears.lost_motion * gap.scale * np.exp(gap.spread * spread)
+    return stiffness, play
+
+
+def _rows(robot: Robot, errors: ErrorSettings, seed: int) -> dict[str, Array]:
+    """DH rows with their drawn errors."""
     rows = {kind: np.zeros(robot.joints) for kind in KINDS}
     for kind in ("a", "d", "alpha", "theta"):
         rows[kind] += getattr(robot, kind)
@@ -219,13 +237,7 @@ def true_arm(
             rows[kind] += sigma * z * (parallel if kind == "beta" else True)
     if (zeros := errors.joint_zeros) is not None:
         rows["theta"] += zeros.sigma_rad * stream(seed, "joint_zeros").standard_normal(robot.joints)
-    if warmth is not None and robot.expansion is not None:
-        growth, _ = warmth.growth(robot.expansion)
-        rows |= {kind: (1.0 + growth) * rows[kind] for kind in ("a", "d")}
-    effects = PlantEffects(
-        gear_stiffness=stiffness, gear_backlash=play, ripples=_harmonics(robot, errors, seed)
-    )
-    return TrueArm(robot, Chain(**rows), effects, weights)
+    return rows
 
 
 def _harmonics(robot: Robot, errors: ErrorSettings, seed: int) -> tuple[Ripple, ...]:
