@@ -13,6 +13,7 @@ from ballbar.cell.poses import CommonErrors
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.priors import PULL
 
+_PINHOLE = ("fx", "fy", "cx", "cy")
 BEYOND = 3.0  # unexplained part of poses over what the noise of corners makes, that is named
 ALONG = 3.0  # errors along the line of sight over those across it, of the same
 
@@ -30,6 +31,18 @@ class CameraEstimate:
         """(U,) deviations from what the files state, in their standard deviations."""
         stated, sigma = self.errors.declared.T
         return np.asarray((self.values - stated) / sigma)
+
+    @property
+    def sentence(self) -> str:
+        """Noise, lens and board, with standard deviations."""
+        values = zip(self.errors.names, self.values, self.sigma, strict=True)
+        known = {name: (value, sigma) for name, value, sigma in values}
+        lens = ", ".join(f"{n} {known[n][0]:.1f} ({known[n][1]:.1f})" for n in _PINHOLE)
+        sizes = ", ".join(f"{n[-1]} {known[n][0]:+.2%} ({known[n][1]:.2%})" for n in SCALES)
+        return (
+            f"corners to {self.errors.noise:.2f} px; {lens} px; board against its file {sizes} "
+            "(1 sigma in brackets)"
+        )
 
 
 def cameras_of(fit: Fit) -> dict[str, CameraEstimate]:

@@ -11,7 +11,6 @@ from ballbar.result.temperature_entries import TemperatureEntry, temperature_ent
 from ballbar.units import MM
 
 LITTLE = 1e-3  # share of the variance below which rows are added up
-MANY = 1e5  # degrees of freedom that count as infinite in a table
 NAMED = 3  # rows of the sentence
 _UNITS = {"m": (1e6, "µm"), "rad": (1e6, "µrad"), "s": (1e6, "µs")}  # as they are shown
 
@@ -96,4 +95,4 @@ def _cells(row: BudgetRow) -> tuple[str, ...]:
 
 
 def _freedom(freedom: float | None) -> str:
-    return "∞" if freedom is None or freedom > MANY else fixed(freedom, 0)
+    return "∞" if freedom is None else fixed(freedom, 0)

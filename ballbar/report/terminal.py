@@ -109,8 +109,11 @@ def _say_poses(out: Console, poses: TableEstimate) -> None:
         more = f" and {len(search.orders) - 8} more" * (len(search.orders) > 8)
         out.print(escape(f"joint errors found (cycles a turn): {names or 'none'}{more}"))
     beside, over = poses.sigma_at_poses.mean() * MM, poses.tcp_sigma.mean() * MM
-    scale = "; without the scale of the instrument"
-    without = scale * any(group.kind.scales for group in poses.table.groups)
+    scaled = {group.common is not None for group in poses.table.groups if group.kind.scales}
+    without = "; without the scale of the instrument" * (False in scaled)
+    without += "; the scale is that of the board" * (scaled == {True})
+    for name, camera in poses.cameras.items():
+        out.print(escape(f"camera {name}: {camera.sentence}"))
     out.print(
         f"stated TCP uncertainty: {beside:.4f} mm at the measured poses; extrapolated over the "
         f"whole of the fitted ranges {over:.4f} mm (means, 1 sigma, all axes together{without})"

@@ -50,6 +50,7 @@ from ballbar.result.recording_entries import (
     POSES,
     AnyHeldOut,
     AnyRecording,
+    CameraEntry,
     CrossValidationEntry,
     FitEntry,
     GroupEntry,
@@ -103,6 +104,9 @@ class CalibrationFile(Strict):
     orders: Annotated[tuple[OrderEntry, ...], Of(POSES, needed=False)] = ()
     seats: Annotated[Places, Field(min_length=1), Of(POSES)] = Field(default_factory=dict)
     targets: Annotated[Places, Field(min_length=1), Of(POSES)] = Field(default_factory=dict)
+    cameras: Annotated[dict[str, CameraEntry], Of(POSES, needed=False)] = Field(
+        default_factory=dict
+    )
     ranges: Annotated[tuple[RangeEntry, ...], Field(max_length=8)] = ()  # of the joints
     covariance: Annotated[CovarianceEntry | None, Of(LOGS, needed=False)] = None
     recordings: Annotated[tuple[AnyRecording, ...], Field(min_length=1)]

@@ -6,7 +6,7 @@ one of these kinds gives is marked with it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal, TypeVar
 
@@ -16,6 +16,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag
 from ballbar.cell.placement import Placement
 from ballbar.cell.rotation import matrix_from_rotvec
 from ballbar.cell.schema import Strict
+from ballbar.ident.cameras import CameraEstimate
 from ballbar.result.machine_entries import From, ParameterEntry, Positive
 
 LOGS: Final = "logs"  # a kind of recordings
@@ -151,6 +152,37 @@ class PlacementEntry(Strict):
         turn = np.array(self.rotation_vector_rad or (0.0, 0.0, 0.0))
         rotation = matrix_from_rotvec(turn[:, None])[:, :, 0]
         return Placement(rotation, np.array(self.position_m))
+
+
+class LensEntry(Strict):
+    """One value of a lens or a board, before and after anything was measured."""
+
+    value: float
+    sigma: NotNegative
+    stated: float
+    stated_sigma: NotNegative
+
+
+class CameraEntry(Strict):
+    """Lens of a camera [px, and distortion], and how its board differs from the board's file:
+    relative sizes, and sag [m] over half of its size.
+    """
+
+    noise_px: Positive  # of a corner
+    values: dict[str, LensEntry]
+
+
+def camera_entries(cameras: Mapping[str, CameraEstimate]) -> dict[str, CameraEntry]:
+    """The entries of cameras by their names."""
+    entries, keys = {}, list(LensEntry.model_fields)
+    for name, camera in cameras.items():
+        known = np.column_stack((camera.values, camera.sigma, camera.errors.declared)).tolist()
+        values = {
+            value: LensEntry(**dict(zip(keys, row, strict=True)))
+            for value, row in zip(camera.errors.names, known, strict=True)
+        }
+        entries[name] = CameraEntry(noise_px=camera.errors.noise, values=values)
+    return entries
 
 
 class GroupEntry(Strict):

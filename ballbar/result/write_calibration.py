@@ -52,6 +52,7 @@ from ballbar.result.recording_entries import (
     PoseHeldOutEntry,
     RecordingEntry,
     ResidualEntry,
+    camera_entries,
 )
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.result.temperature_entries import growth_entries, temperature_entry
@@ -87,6 +88,7 @@ def calibration_of(data: RunData) -> CalibrationFile:
         targets={} if poses is None else _placements(poses.targets),
         measured_on=_last_day(data),
         temperature=temperature_entry(data),
+        cameras={} if poses is None else camera_entries(poses.cameras),
         uncertainty_budget=_content(BudgetEntry, result.budget),
         **own,
     )

@@ -49,6 +49,8 @@ def variance_parts(
     row_of : name of the part in which a source stands: noise as `noise_sources` names it, or a
         prior by its unknown.
     """
+    if not rows.size:
+        return []
     own, layout = inverse(fit.linear.normal)[rows], fit.model.unknowns
     roots, sizes = dict[str, list[Array]](), dict[str, list[float]]()
     for i in np.flatnonzero(np.isfinite(layout.sigma)):

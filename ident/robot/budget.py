@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.board import SHAPE
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import ParameterTable, parameter_named
 from ballbar.cell.statistics import rms
@@ -38,6 +39,9 @@ from ballbar.ident.robot.pose_covariance import PoseCovariance
 from ballbar.ident.robot.tool_covariance import ToolCovariance
 
 UNMODELLED, LEFT_OUT, LEFT_OUT_TERMS, DOUBT = "unmodelled", "left_out", "left_out_terms", "doubt"
+NOTHING = 1e-18  # share of the variance below which a row is none
+MANY = 1e6  # degrees of freedom that count as infinite
+ROUNDING = 1e-12  # added to a correlation that may have lost a direction
 _DRAWS_SEED = 101  # the same for everyone
 MIXED = "1"  # unit of inputs of different units: their standard uncertainties
 
@@ -77,6 +81,8 @@ SOURCES: dict[str, BudgetSource] = {
     "force": BudgetSource("force in the rod", MIXED),
     "masses": BudgetSource("masses of links and tool", MIXED),
     "robot": BudgetSource("robot: catalogue values (prior)", MIXED),
+    "lens": BudgetSource("lens of the camera, as its pictures show it", MIXED, "A"),
+    "board": BudgetSource("board: size and flatness by its file, which is the scale", MIXED),
     "placement": BudgetSource("place and clock of the instrument (prior)", MIXED),
     "rounding": BudgetSource("rounding of counts and times", "m", "B", "rectangular"),
     LEFT_OUT: BudgetSource("poses left out of the fit: errors along each axis", "m", "A", "t"),
@@ -173,6 +179,7 @@ def budget(
         _row(name, variance, sizes[name], total, sentences, freedoms)
         for name, variance in variances.items()
     ]
+    rows = [row for row in rows if abs(row.share) > NOTHING or row.name == UNMODELLED]
     rows.sort(key=lambda row: -row.share)
     freedom = welch_satterthwaite(rows)
     rng = rng or np.random.default_rng(_DRAWS_SEED)
@@ -219,6 +226,8 @@ def row_of(fit: Fit, source: str) -> str:
     if i < layout.coefficients.stop:
         owners = (c.name for c in fit.model.corrections for _ in c.coefficients)
         return next(islice(owners, i - layout.coefficients.start, None))
+    if any(part.start <= i < part.stop for part in layout.placed.common.values()):
+        return "board" if source.endswith(SHAPE) else "lens"
     return "force" if source.startswith(("force_gain", "tension")) else "placement"
 
 
@@ -241,7 +250,9 @@ def _beside(robot: IdentifiedRobot, count: int) -> Iterator[tuple[str, Array, fl
         return
     values, held = stated.values, count + len(stated.held)
     if (known := np.arange(count, held)[np.diag(values)[count:held] > 0.0]).size:
-        root = np.linalg.cholesky(values[np.ix_(known, known)])
+        spread = np.sqrt(np.diag(values)[known])
+        share = values[np.ix_(known, known)] / np.outer(spread, spread)
+        root = spread[:, None] * np.linalg.cholesky(share + ROUNDING * np.eye(known.size))
         shifts = np.linalg.solve(root, values[known])
         for shift, i in zip(shifts, known, strict=True):
             name = _row_of_parameter(stated.held[i - count], robot.geometry.table)
@@ -283,4 +294,4 @@ def welch_satterthwaite(rows: Iterable[BudgetRow]) -> float | None:
     """Effective degrees of freedom of all rows (JCGM 100:2008, G.4.1); None where infinite."""
     counted = [row for row in rows if row.degrees_of_freedom is not None]
     squares = sum(row.share**2 / (row.degrees_of_freedom or 1.0) for row in counted)
-    return 1.0 / squares if squares else None
+    return 1.0 / squares if squares > 1.0 / MANY else None

@@ -134,6 +134,7 @@ def test_effective_degrees_of_freedom_of_the_gum_s_end_gauge() -> None:
     rows = [row(u**2 / 1002.0, freedom) for u, freedom in parts]
     assert welch_satterthwaite(rows) == pytest.approx(16.7, abs=0.05)
     assert welch_satterthwaite([row(1.0, None)]) is None
+    assert welch_satterthwaite([row(1.0, None), row(1e-9, 5.0)]) is None  # no file holds 5e18
 
 
 def test_k_is_that_of_the_normal_and_of_student_s_distribution() -> None:
