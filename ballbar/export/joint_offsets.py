@@ -56,9 +56,7 @@ class Offsets:
 
 def joint_offsets(result: Result) -> Offsets:
     """The offsets that bring the nominal robot nearest to the identified one."""
-    calibration = result.calibration
-    targets = list(calibration.targets)
-    identified = calibration.identified_robot(targets[0] if targets else None)
+    identified = result.calibration.identified_robot(next(iter(result.calibration.targets), None))
     poses, nominal = identified.workspace()[:POSES], result.nominal
     tool = identified.tool_matrix[:3, 3]
     points = tool + LEVER * np.vstack((np.zeros(3), np.eye(3)[:2]))
@@ -77,13 +75,9 @@ def joint_offsets(result: Result) -> Offsets:
         return np.asarray(placed - wanted)
 
     def error(count: int) -> tuple[Array, float]:
-        start = np.zeros(12 + len(free))
-
-        def residual(x: Array) -> Array:
-            return off(np.concatenate((x, np.zeros(start.size - count)))).ravel()
-
-        x = least_squares(residual, start[:count], x_scale="jac").x
-        x = np.concatenate((x, np.zeros(start.size - count)))
+        rest = np.zeros(12 + len(free) - count)
+        found = least_squares(lambda x: off(np.append(x, rest)).ravel(), np.zeros(count)).x
+        x = np.append(found, rest)
         return x, float(np.linalg.norm(off(x)[:, 0], axis=1).mean())
 
     _, before = error(12)
