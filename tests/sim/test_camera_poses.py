@@ -23,10 +23,10 @@ SCENARIOS = ("so101_phone", "ur5e_camera", "panda_camera")
 
 
 def simulated(name: str, **pictures: float) -> tuple[Scenario, PoseSimulation]:
-    """Ten poses of a scenario without any error."""
+    """Ten poses of a scenario without any error but noise of the corners."""
     data = load_scenario(name).model_dump()
     data["poses"] |= {"count": 10, "pictures": data["poses"]["pictures"] | pictures}
-    scenario = Scenario.model_validate(data | {"errors": {}})
+    scenario = Scenario.model_validate(data | {"errors": {"instrument_noise": {}}})
     return scenario, simulate_poses(scenario, relative_to=Path())
 
 
