@@ -54,11 +54,9 @@ def robot_row(seed: int, recordings: Path | None) -> dict[str, object]:
         "error_rms_mm": 1e3 * float(np.sqrt((distance**2).mean())),
         "combined_mm": 1e3 * budget.combined,
         "k": budget.coverage_factor,
-        "freedom": budget.degrees_of_freedom or np.inf,
         "axes_within_2": float((np.abs(error) <= 2.0 * along).mean()),
         "distances_within_2": float((distance <= 2.0 * stated.sigma).mean()),
         "distances_within_k": float((distance <= budget.coverage_factor * stated.sigma).mean()),
-        "unmodelled_share": next(r.share for r in budget.rows if r.name == "unmodelled"),
     }
 
 

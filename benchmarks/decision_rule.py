@@ -87,6 +87,7 @@ def rows_of(seed: int) -> list[dict[str, Any]]:
                     "tolerance_mm": 1e3 * near,
                     "conforms": int(true <= near),
                     "verdict": beside.verdict,
+                    "falsely_accepted": int(true > near and beside.verdict == "conforms"),
                 }
             )
     return rows
@@ -99,7 +100,7 @@ def summary(rows: list[dict[str, Any]]) -> None:
             own = [row for row in rows if (row["robot"], row["rule"]) == (robot, name)]
             at = sum(row["accepted_at_the_limit"] for row in own)
             not_conforming = [row for row in own if not row["conforms"]]
-            false = sum(row["verdict"] == "conforms" for row in not_conforming)
+            false = sum(row["falsely_accepted"] for row in own)
             conforming = [row for row in own if row["conforms"]]
             rejected = sum(row["verdict"] == "does not conform" for row in conforming)
             risk, share = f"{Tolerance(rule=name).risk:.1%}", f"{at / len(own):.1%}"

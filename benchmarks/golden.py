@@ -7,7 +7,8 @@
 Twelve recordings and eleven tables of still poses are simulated, or read where measured robots lie
 beside the project, and go through the command line: `simulate`, `identify`, `verify` with the same
 data, and `verify` with the data of another robot. Every number of the results is compared at 1e-9
-relative, every sentence exactly. A move of code changes none of them; what is meant to change one
+relative, a covariance in units of its standard deviations, every sentence exactly. A move of code
+changes none of them; what is meant to change one
 is a commit of its own that says why.
 """
 
@@ -29,12 +30,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 from ballbar.cell.files import write_whole
 from tests.helpers import real_robots
 
 STORED = Path("benchmarks/golden_values")  # a file for each data set
 FIGURES = Path("docs/studies/golden.csv")
 RELATIVE, ABSOLUTE = 1e-9, 1e-15
+ROWS = "covariance.lower["  # leaves that hold a row of numbers
 SHOWN = 20  # leaves of a data set that moved, printed
 # beside calibration.yaml, these say when, where and with what; they are no results
 NO_RESULT = {
@@ -165,7 +169,7 @@ def moved(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
     lines = []
     for key in {**before, **after}:
         old, new = before.get(key), after.get(key)
-        if not same(old, new):
+        if not (same(old, new) or (ROWS in key and same_row(key, before, after))):
             lines.append(f"  {key}: {old!r} -> {new!r}")
     return lines
 
@@ -176,6 +180,17 @@ def same(old: Any, new: Any) -> bool:
     if not numbers:
         return bool(old == new)
     return abs(old - new) <= RELATIVE * max(abs(old), abs(new)) + ABSOLUTE
+
+
+def same_row(key: str, before: dict[str, Any], after: dict[str, Any]) -> bool:
+    """Whether a row of a covariance's lower triangle is, in units of its standard deviations."""
+    name, _, row = key.removesuffix("]").rpartition("[")
+    rows = [f"{name}[{k}]" for k in range(int(row) + 1)]
+    if any(at not in before or at not in after for at in rows):
+        return False
+    scale = np.sqrt([float(before[at].split()[-1]) for at in rows])
+    old, new = (np.array(said[key].split(), dtype=float) for said in (before, after))
+    return old.size == new.size and bool((abs(old - new) <= RELATIVE * scale * scale[-1]).all())
 
 
 def main() -> None:

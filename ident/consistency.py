@@ -94,11 +94,11 @@ AGREED = Consistency((), None)
 def consistency(fit: Fit) -> Consistency:
     """How the recordings of a fit, and the parts of each, agree with each other."""
     blocks, count = time_blocks(fit), len(fit.model.recordings)
-    ratios = []
+    ratios, whole = [], blocks.added(*(blocks.recording == k for k in range(count)))
     for k in range(count if count > 1 else 0):
-        left, own = blocks.recording == k, _own(fit, k)
-        stated = blocks.cost[left].sum() + blocks.expected(left, own)
-        ratios.append(float(np.sqrt(max(0.0, blocks.left_out(left, own)) / stated)))
+        left, own = np.arange(count) == k, _own(fit, k)
+        stated = whole.cost[k] + whole.expected(left, own)
+        ratios.append(float(np.sqrt(max(0.0, whole.left_out(left, own)) / stated)))
     return Consistency(tuple(ratios), _surest(blocks))
 
 
@@ -132,8 +132,7 @@ class _Part:
 
     def tests(self, blocks: TimeBlocks) -> dict[Group, tuple[float, Array]]:
         """Decrease of the cost, and change, of each group."""
-        part = blocks.added(self.blocks)
-        return {name: part.changed(group) for name, group in self.groups.items()}
+        return {name: blocks.changed(self.blocks, group) for name, group in self.groups.items()}
 
     def change(self, blocks: TimeBlocks) -> Change:
         """The smallest group that explains nearly as much as any other."""

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell, Robot
 from ballbar.ident.complete_fit import refit
 from ballbar.ident.corrections.base import BAR, GEAR
@@ -27,7 +26,7 @@ from ballbar.ident.corrections.joint_harmonics import (
     orders_of,
 )
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.estimator.normal_equations import jacobian
+from ballbar.ident.estimator.normal_equations import whole_jacobian
 from ballbar.ident.estimator.order_search import (
     SLOPE,
     JointOrder,
@@ -129,12 +128,14 @@ def linearised(fit: Fit) -> LinearModel:
     """A complete fit at its estimate, the samples of all recordings beside each other."""
     step, (normal, gradient) = thinning(fit), fit.by_poses
     points = [point for point, _, _ in fit.recorded]
+    each = enumerate(fit.recorded)
+    jacobians = (whole_jacobian(fit.model, fit.x, k, p, w) for k, (p, w, _) in each)
     logged = [np.asarray(p.recording.robot.spline(p.robot_time))[::step] for p in points]
     blocks = [block_numbers(point.recording.times[::step]) for point in points]
     firsts = np.cumsum([0, *(int(block[-1]) + 1 for block in blocks)])
     whitened = [weights(point.columns[GEAR:BAR]) for point, weights, _ in fit.recorded]
     return LinearModel(
-        jacobian=stacked([_columns(fit, k)[..., ::step] for k in range(len(points))]),
+        jacobian=stacked([whole[..., ::step] for whole in jacobians]),
         residual=stacked([residual[:, ::step] for _, _, residual in fit.recorded]),
         joints=stacked([part[..., ::step] for part in whitened]),
         angles=np.concatenate([q @ fit.model.gearing.to_gear for q in logged]).T,
@@ -144,15 +145,3 @@ def linearised(fit: Fit) -> LinearModel:
         groups=np.concatenate([k + block for k, block in zip(firsts, blocks, strict=False)]),
         few=True,
     )
-
-
-def _columns(fit: Fit, k: int) -> Array:
-    """(P, E, N) whitened derivatives of recording k, the knots of its tension included."""
-    model, knots = fit.model, fit.model.unknowns.own[k].knots
-    out = np.zeros((model.unknowns.count, *fit.linear.residuals[k].shape))
-    for block in jacobian(model, fit.linear, k):
-        out[block.index, :, block.samples] = block.values
-        if block.slope is not None and knots is not None:
-            splines = model.recordings[k].splines[:, block.samples].toarray()
-            out[knots, :, block.samples] = splines[:, None] * block.slope
-    return out

@@ -96,16 +96,11 @@ class Fit:
         """(P, E, N) derivative of the whitened error of every group of still poses, robust weights
         included.
         """
-        linear, parts = self.linear, range(*self.still.indices(len(self.model.parts)))
+        linear, first = self.linear, len(self.model.recordings)
+        parts = list(zip(linear.evaluations, linear.weights, linear.robust, strict=False))[first:]
         return tuple(
-            whole_jacobian(
-                self.model,
-                self.x,
-                k,
-                linear.evaluations[k],
-                linear.weights[k].scaled(linear.robust[k]),
-            )
-            for k in parts
+            whole_jacobian(self.model, self.x, k, point, weights.scaled(robust))
+            for k, (point, weights, robust) in enumerate(parts, first)
         )
 
     @property

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +35,22 @@ class JacobianBlock:
     values: Array  # (p, E, n)
     slope: Array | None  # (E, n) per newton of tension; None where the tension is no unknown
 
+    def with_knots(self, model: Model, k: int) -> tuple[NDArray[np.intp], Array]:
+        """Indices (q,) of all unknowns of recording k that the block tells of, and (q, E, n)
+        their columns, those of the tension's knots formed.
+        """
+        knots = model.unknowns.knots(k)
+        if self.slope is None or knots is None:
+            return self.index, self.values
+        splines = model.recordings[k].splines[:, self.samples]
+        rows = np.flatnonzero(np.diff(splines.indptr))  # those that reach so far
+        columns = splines[rows].toarray()[:, None] * self.slope
+        return np.r_[self.index, knots.start + rows], np.concatenate((self.values, columns))
+
     def scores(self, vector: Array, model: Model, k: int) -> Array:
         """(P, n) each unknown's column times a whitened vector (E, n), sample by sample."""
         out, knots = np.zeros((model.unknowns.count, vector.shape[1])), model.unknowns.knots(k)
-        out[self.index] = (self.values * vector).sum(axis=1)
+        out[self.index] = np.einsum("pen,en->pn", self.values, vector)
         if self.slope is not None and knots is not None:
             splines = model.recordings[k].splines[:, self.samples]
             out[knots] = (splines * (self.slope * vector).sum(axis=0)).toarray()
@@ -87,16 +99,10 @@ def normal_equations(
     part, to be kept. previous : evaluations nearby (Model.evaluate). keep_blocks : whether the
     Jacobian is kept, so that `at_trial` can reuse it. robust : as of NormalEquations.
     """
+    each = zip(ballbars, weights or repeat(None), previous or repeat(None), strict=False)
     solved = [
-        model.solved(
-            x,
-            k,
-            ballbar,
-            excess,
-            weights=weights[k] if weights else None,
-            previous=previous[k] if previous else None,
-        )
-        for k, ballbar in enumerate(ballbars)
+        model.solved(x, k, ballbar, excess, weights=weight, previous=point)
+        for k, (ballbar, weight, point) in enumerate(each)
     ]
     residuals = _residuals([p for p, _ in solved], [w for _, w in solved], robust)
     out = NormalEquations(
@@ -185,10 +191,11 @@ def jacobian(
 
 
 def whole_jacobian(model: Model, x: Array, k: int, point: Evaluation, weights: Whitening) -> Array:
-    """(P, E, N) derivative of the weighted error of part k, a group of still poses."""
+    """(P, E, N) derivative of the weighted error of part k, knots of a tension included."""
     out = np.zeros((model.unknowns.count, weights.matrix.shape[0], point.samples.size))
     for block in _blocks(model, x, k, point, weights):
-        out[block.index, :, block.samples] = block.values
+        index, columns = block.with_knots(model, k)
+        out[index, :, block.samples] = columns
     return out
 
 
@@ -280,9 +287,8 @@ def products(model: Model, k: int, blocks: Sequence[JacobianBlock], vector: Arra
 
 def add_normal(model: Model, k: int, block: JacobianBlock, normal: Array) -> None:
     """Adds the products of one block's columns to the normal matrix (P, P); in place."""
-    flat, knots = block.values.reshape(block.index.size, -1), model.unknowns.knots(k)
-    half = dsyrk(1.0, flat.T, trans=1)  # the upper triangle
-    normal[np.ix_(block.index, block.index)] += half + np.triu(half, 1).T
+    knots = model.unknowns.knots(k)
+    normal[np.ix_(block.index, block.index)] += squared(block.values)
     if block.slope is None or knots is None:
         return
     splines = model.recordings[k].splines[:, block.samples]
@@ -292,3 +298,9 @@ def add_normal(model: Model, k: int, block: JacobianBlock, normal: Array) -> Non
     normal[knots, knots] += (
         (splines * (block.slope * block.slope).sum(axis=0)) @ splines.T
     ).toarray()
+
+
+def squared(columns: Array) -> Array:
+    """(p, p) products of columns (p, E, n) with each other."""
+    half = dsyrk(1.0, columns.reshape(len(columns), -1).T, trans=1)  # the upper triangle
+    return np.asarray(half + np.triu(half, 1).T)

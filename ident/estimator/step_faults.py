@@ -148,8 +148,9 @@ def _explained(fit: Fit, k: int, columns: Array, every: int) -> Array:
         for c, column in enumerate(columns[..., block.samples]):
             behind = _sums_from_the_end(block.scores(column, fit.model, k)) + beyond[c][:, None]
             beyond[c] = behind[:, 0]
-            tried = behind[:, first::every]
-            out[c, at] = np.einsum("pn,pn->n", tried, fit.covariance @ tried)
+            own = np.flatnonzero(behind.any(axis=1))  # not what other recordings alone tell
+            tried, covariance = behind[own, first::every], fit.covariance[np.ix_(own, own)]
+            out[c, at] = np.einsum("pn,pn->n", tried, covariance @ tried)
     return out[:, ::every]
 
 

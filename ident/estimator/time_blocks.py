@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.estimator.normal_equations import add_normal, gradient_of, jacobian
+from ballbar.ident.estimator.normal_equations import BLOCK_SAMPLES, jacobian, squared
 from ballbar.ident.estimator.observations import FollowedPoses
 from ballbar.ident.estimator.samples import Samples
 
@@ -57,8 +58,9 @@ class TimeBlocks:
 
     def added(self, *parts: NDArray[np.bool_]) -> TimeBlocks:
         """Parts (B,) of the blocks, each as one block."""
+        share = np.array(parts, dtype=float)
         normal, gradient, cost = (
-            np.stack([values[part].sum(axis=0) for part in parts])
+            np.tensordot(share, values, axes=1)
             for values in (self.normal, self.gradient, self.cost)
         )
         first = [int(np.argmax(part)) for part in parts]
@@ -104,31 +106,33 @@ class TimeBlocks:
         absorbed = mixed @ np.linalg.solve(own + np.diag(weight[local]), mixed.T)
         return float(np.sum(covariance * (normal[np.ix_(shared, shared)] - absorbed)))
 
-    def changed(self, group: NDArray[np.intp]) -> tuple[float, Array]:
-        """Decrease of the cost if a group of unknowns may differ in one block; and by how far.
+    def changed(self, part: NDArray[np.bool_], group: NDArray[np.intp]) -> tuple[float, Array]:
+        """Decrease of the cost if a group of unknowns may differ in a part (B,); and by how far.
 
-        A score test: `h' W^-1 h` with h the group's gradient in that block and
+        A score test: `h' W^-1 h` with h the group's gradient in that part and
         `W = N - N C N + prior` what it says of the group beyond all other blocks of the fit.
         """
-        own, _, step = self._apart(group)
+        own, _, step = self._apart(part, group)
         return float(step @ own @ step), step
 
     def freed(self, part: NDArray[np.bool_], group: NDArray[np.intp]) -> TimeBlocks:
         """The blocks at the fit in which a group of unknowns differs in a part of them (B,)."""
-        own, mixed, step = self.added(part)._apart(group)
+        own, mixed, step = self._apart(part, group)
         shared = self.covariance @ mixed.T
         gradient = self.gradient - self.normal @ (shared @ step)
         gradient[part] += self.normal[part][:, :, group] @ step
         covariance = self.covariance + shared @ np.linalg.solve(own, shared.T)
         return replace(self, gradient=gradient, covariance=covariance)
 
-    def _apart(self, group: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-        """For one block: W (G, G) as above, normal matrix (G, P), and the group's step (G,)."""
-        (normal,), (gradient,) = self.normal, self.gradient
-        mixed = normal[group]
+    def _apart(
+        self, part: NDArray[np.bool_], group: NDArray[np.intp]
+    ) -> tuple[Array, Array, Array]:
+        """For a part: W (G, G) as above, normal matrix (G, P), and the group's step (G,)."""
+        place = np.ix_(part, group)
+        mixed, gradient = self.normal[place].sum(axis=0), self.gradient[place].sum(axis=0)
         own = mixed[:, group] - mixed @ self.covariance @ mixed.T
         own += np.diag(self.fit.model.unknowns.sigma[group] ** -2.0)
-        return own, mixed, -np.linalg.solve(own, gradient[group])
+        return own, mixed, -np.linalg.solve(own, gradient)
 
 
 def _step(normal: Array, gradient: Array, step: Array, free: NDArray[np.intp]) -> Array:
@@ -146,8 +150,9 @@ class Block:
 
     recording: int  # from 0
     start: float  # [s] of the first sample
-    normal: Array  # (P, P)
-    gradient: Array  # (P,) of half the cost
+    index: NDArray[np.intp]  # (p,) unknowns that the block tells of
+    normal: Array  # (p, p)
+    gradient: Array  # (p,) of half the cost
     cost: float
 
 
@@ -156,33 +161,42 @@ def each_block(fit: Fit, length: float, *, followed: bool = False) -> Iterator[B
 
     followed : whether those of what followed the robot come too, after the recordings.
     """
-    model, linear, count = fit.model, fit.linear, fit.model.unknowns.count
+    model, linear = fit.model, fit.linear
     for k, part in enumerate(model.parts):
         if (isinstance(part, FollowedPoses) and followed) or isinstance(part, Samples):
             times = part.times
         else:
             continue
         number, residual = block_numbers(times, length), linear.residuals[k]
-        firsts = np.searchsorted(number, np.arange(number[-1] + 1)).tolist()
-        for block in jacobian(model, linear, k, firsts=firsts):
-            normal, own = np.zeros((count, count)), residual[:, block.samples]
-            add_normal(model, k, block, normal)
-            start, gradient = times[block.samples.start], gradient_of(model, k, block, own)
-            yield Block(k, float(start), normal, gradient, float((own * own).sum()))
+        edges = np.searchsorted(number, np.arange(number[-1] + 2)).tolist()
+        wide = edges[: -1 : max(1, BLOCK_SAMPLES * len(edges) // times.size)]
+        for block in jacobian(model, linear, k, firsts=wide):
+            index, columns = block.with_knots(model, k)
+            begin, end = block.samples.start, block.samples.stop
+            for first, stop in pairwise(e for e in edges if begin <= e <= end):
+                own, rest = columns[..., first - begin : stop - begin], residual[:, first:stop]
+                used = own.any(axis=(1, 2))
+                own, cost = own[used], float((rest * rest).sum())
+                gradient = own.reshape(len(own), -1) @ rest.reshape(-1)
+                yield Block(k, float(times[first]), index[used], squared(own), gradient, cost)
 
 
 def time_blocks(fit: Fit, length: float = LENGTH) -> TimeBlocks:
     """A fit in blocks of `length` [s]; no block spans two recordings."""
-    blocks = list(each_block(fit, length))
-    return TimeBlocks(
+    blocks, count = list(each_block(fit, length)), fit.x.size
+    out = TimeBlocks(
         fit=fit,
         recording=np.array([b.recording for b in blocks]),
         start=np.array([b.start for b in blocks]),
-        normal=np.stack([b.normal for b in blocks]),
-        gradient=np.stack([b.gradient for b in blocks]),
+        normal=np.zeros((len(blocks), count, count)),
+        gradient=np.zeros((len(blocks), count)),
         cost=np.array([b.cost for b in blocks]),
         covariance=fit.covariance,
     )
+    for b, block in enumerate(blocks):
+        out.normal[b][np.ix_(block.index, block.index)] = block.normal
+        out.gradient[b, block.index] = block.gradient
+    return out
 
 
 def block_numbers(times: Array, block: float = BLOCK) -> NDArray[np.intp]:

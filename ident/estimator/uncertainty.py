@@ -178,10 +178,9 @@ def variance_by_blocks(fit: Fit, length: float = BLOCK) -> tuple[Array, int]:
     """
     variance, count = np.zeros(fit.model.unknowns.count), 0
     for block in each_block(fit, length, followed=True):
-        own = np.flatnonzero(np.diag(block.normal))
-        normal, covariance = block.normal[np.ix_(own, own)], fit.covariance[:, own]
-        without = np.eye(own.size) - normal @ covariance[own]
-        moved = covariance @ np.linalg.solve(without, block.gradient[own])
+        covariance = fit.covariance[:, block.index]
+        without = np.eye(block.index.size) - block.normal @ covariance[block.index]
+        moved = covariance @ np.linalg.solve(without, block.gradient)
         variance += moved**2
         count += 1
     return variance * (count - 1) / count, count

@@ -78,8 +78,11 @@ def tcp_uncertainty(
     moves : (P, 3, G) change of the tool per unit of each unknown. covariance : (P, P) [SI] of the
     unknowns `names`.
     """
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))  # x = root @ z with z of unit covariance
+    # In units of deviations: otherwise what is small beside a mass would be lost in rounding.
+    scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    # x = root @ z with z of unit covariance
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     fields = aligned_columns(positions, moves) @ root  # (3G, P)
     scale = scale_direction(positions)
     along = scale @ fields
