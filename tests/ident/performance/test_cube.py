@@ -8,10 +8,11 @@ import pytest
 from ballbar.cell.chain import forward
 from ballbar.cell.geometry import nominal_chain, robot_geometry
 from ballbar.cell.load import load_robot
+from ballbar.cell.numerical_inverse import dexterity
 from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.ident.performance.cube import SIDES, cube_points, fitting_cube
 from ballbar.ident.robot.identified import IdentifiedRobot
-from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics, kinematics
+from ballbar.ident.robot.identified_kinematics import SINGULAR, IdentifiedKinematics, kinematics
 
 
 def test_five_poses_lie_on_the_diagonals_of_a_plane() -> None:
@@ -45,6 +46,7 @@ def test_the_largest_standard_cube_that_fits_is_taken(name: str) -> None:
     corners = cube_points(cube.side, cube.poses[0, :3, 3])
     assert cube.poses[:, :3, 3] == pytest.approx(corners, abs=1e-9)
     assert np.ptp(cube.poses[:, :3, :3], axis=0).max() < 1e-12  # one orientation
+    assert dexterity(nominal_chain(nominal.robot), cube.q).min() >= SINGULAR
     centre = cube.poses[0, :3, 3]
     assert centre[2] >= 0.5 * cube.side  # on the base's side of the floor
     assert np.abs(centre[:2]).max() > 0.5 * cube.side  # the base is not in it

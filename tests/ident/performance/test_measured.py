@@ -10,6 +10,7 @@ import pytest
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.geometry import geometry_of_chain, nominal_chain, parameter_table
+from ballbar.cell.placement import Placement
 from ballbar.cell.poses import PoseTable
 from ballbar.ident.performance.characteristics import Characteristic
 from ballbar.ident.performance.cube import TestCube, fitting_cube
@@ -19,7 +20,7 @@ from ballbar.ident.performance.repeated_poses import Attained, repetitions
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.identified_kinematics import kinematics
 from tests.helpers.circular_path import circle_angles
-from tests.helpers.still_poses import SEAT, TARGET, group, table_of, true_robot, with_group
+from tests.helpers.still_poses import SEAT, TARGET, angles, group, table_of, true_robot, with_group
 
 CYCLES = 30
 NOISE = 1e-6  # [m] along each axis
@@ -136,6 +137,20 @@ def test_a_pose_that_depends_on_where_it_is_approached_from() -> None:
     assert ("vAP_p", "P2") not in rows  # always from P1
 
 
+def test_a_target_that_the_result_knows_is_held() -> None:
+    """With the target 1 mm off, poses of unlike orientation lie off; one of no name is fitted."""
+    q = np.tile(angles("ur5", 8), (4, 1))
+    table = table_of(true_robot("ur5", seed=5), "point", q=q, noise=NOISE)
+    off = replace(TARGET, origin=TARGET.origin + np.array([1e-3, 0.0, 0.0]))
+
+    def largest(targets: dict[str, Placement]) -> float:
+        rows, _ = measure(known_robot()[0], targets, table, None)
+        return max(r.statements[1].value or 0.0 for r in rows if r.symbol == "AP_p")
+
+    assert largest({"ball": off}) > 2e-4
+    assert largest({}) < 3e-6
+
+
 def test_few_poses_tell_no_accuracy() -> None:
     table = repeated_table()
     table = table.part(np.tile(np.arange(5) < 4, CYCLES))
@@ -234,6 +249,16 @@ def test_laps_of_one_direction_count_where_the_path_turns_back() -> None:
     assert length == pytest.approx(5.0, abs=0.03)
     assert starts.size == 3
     assert starts.max() + length < 20.03
+
+
+def test_a_lap_with_a_pause_does_not_count() -> None:
+    """The third of five laps of 8 s pauses for 2 s."""
+    moving = SECONDS - np.clip(SECONDS - 20.0, 0.0, 2.0)
+    phase = 2.0 * np.pi * np.clip(moving, 0.0, 40.0) / 8.0
+    starts, length = laps_of(SECONDS, angles_of(phase))
+    assert length == pytest.approx(8.0, abs=0.03)
+    assert starts.size == 3
+    assert not ((starts < 20.0) & (starts + length > 20.1)).any()
 
 
 def test_a_path_without_repetition_has_no_laps() -> None:

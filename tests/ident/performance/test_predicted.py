@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -21,6 +22,7 @@ from ballbar.ident.performance.predicted import (
     unknown_error,
 )
 from ballbar.ident.robot.identified_kinematics import kinematics
+from ballbar.ident.robot.pose_covariance import PoseCovariance
 from ballbar.ident.table_fit import fit_table
 from tests.helpers.still_poses import TARGET, TrueRobot, table_of, true_robot
 
@@ -122,6 +124,24 @@ def test_the_predicted_distance_has_the_sign_of_the_true_one() -> None:
     assert nominal.high is not None
     assert nominal.low <= off <= nominal.high
     assert abs(off) > 1e-4
+
+
+def test_intervals_follow_the_stated_region_and_both_ends_of_a_distance() -> None:
+    """A region of four times the squared size doubles every interval; the deviations of the two
+    ends of a distance add up, for their correlation is not stated.
+    """
+    _, pair, cube = predicted()
+    stated = pair.robot.stated
+    assert isinstance(stated, PoseCovariance)
+    wider = replace(pair.robot, stated=replace(stated, factor=4.0 * stated.factor))
+    other = replace(pair, identified=replace(pair.identified, identified=wider))
+    q = cube.q[[1, 3]]
+    assert other.covariance(q) == pytest.approx(4.0 * pair.covariance(q), rel=1e-12)
+    along = np.diff(cube.poses[[1, 3], :3, 3], axis=0)[0]
+    along /= np.linalg.norm(along)
+    sigma = sum(np.sqrt(along @ c @ along) for c in pair.covariance(q))
+    (row,) = (row for row in predict(pair, cube) if row.symbol == "AD_p")
+    assert row.statements[1].high == pytest.approx(1.959964 * sigma, rel=1e-6)
 
 
 def test_no_repeatability_is_predicted() -> None:
