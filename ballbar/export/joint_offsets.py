@@ -76,8 +76,11 @@ def joint_offsets(result: Result) -> Offsets:
 
     def error(count: int) -> tuple[Array, float]:
         rest = np.zeros(12 + len(free) - count)
-        found = least_squares(lambda x: off(np.append(x, rest)).ravel(), np.zeros(count)).x
-        x = np.append(found, rest)
+
+        def residual(x: Array) -> Array:
+            return off(np.append(x, rest)).ravel()
+
+        x = np.append(least_squares(residual, np.zeros(count)).x, rest)
         return x, float(np.linalg.norm(off(x)[:, 0], axis=1).mean())
 
     _, before = error(12)
