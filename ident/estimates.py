@@ -122,9 +122,8 @@ def result_of(
         lengths_named=stated.lengths.named,
         given_up=fit.given_up,
     )
-    remarks = [
-        log_remarks(r.samples, e.step_faults) for r, e in zip(single, estimates, strict=True)
-    ]
+    pairs = zip(single, estimates, strict=True)
+    remarks = [log_remarks(r.samples, e.step_faults) for r, e in pairs]
     held_out = agreement.held_out or [None] * len(single)
     parts = [
         Evidence(closure, estimate, remarks=on_logs, held_out=ratio)
