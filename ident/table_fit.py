@@ -42,7 +42,7 @@ from ballbar.ident.table_estimate import TableEstimate
 from ballbar.ident.table_steps import Step, refuse_large, refuse_merged, sized, split
 
 SEEN = 4.0  # standard deviations from which the lag of a joint is seen
-# [rad] lost motion from which still poses show it; gears of industrial robots have less
+# [rad] backlash from which still poses show it; gears of industrial robots have less
 PLAY = 3e-3
 ZERO_BY_EYE = 0.1  # [rad] prior sigma of a zero of an arm with so much play
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
@@ -145,7 +145,7 @@ def _has_play(robot: Robot) -> bool:
 
 
 def _with_zeros_by_eye(robot: Robot, layout: Unknowns) -> Unknowns:
-    """The unknowns with wide priors of the zeros of an arm of servos, which are set by hand.
+    """The unknowns with wide priors of the zeros of an arm of servos, which are set by eye.
 
     A narrow one would have play take the place of a zero where a gear lies on one flank.
     """

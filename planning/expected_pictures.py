@@ -1,4 +1,4 @@
-"""What planned pictures of a board tell: poses with their covariance, and lens and board."""
+"""Planned pictures of a board: poses with the covariance they will have, and lens and board."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ballbar.cell.poses import CommonErrors, PoseGroup
 
 
 def expected_common(instrument: Instrument, stand: TrueStand) -> CommonErrors | None:
-    """What as many pictures as planned leave uncertain of lens and board.
+    """Errors of lens and board that as many pictures as planned leave.
 
     stand : of random poses. None for another instrument than a camera.
     """

@@ -52,7 +52,7 @@ class SeatEntry(Strict):
     cone_deg: Cone = 180.0
     """Largest angle from `axis`."""
     rotvec_rad: Vector3 = (0.0, 0.0, 0.0)
-    """Of a camera or board: its orientation in the base frame, as rotation vector."""
+    """Orientation of a camera or board in the base frame, as rotation vector."""
 
 
 class TargetEntry(Strict):
@@ -67,7 +67,7 @@ class TargetEntry(Strict):
     cone_deg: Cone = 180.0
     """Largest angle between `axis` and the instrument; 30 for a reflector."""
     rotvec_rad: Vector3 = (0.0, 0.0, 0.0)
-    """Of a camera or board: its orientation in the flange's frame, as rotation vector."""
+    """Orientation of a camera or board in the flange's frame, as rotation vector."""
 
 
 class PosePlanLimits(Strict):
@@ -99,7 +99,7 @@ class PosePlanRequest(Strict):
     seats: Annotated[tuple[SeatEntry, ...], Field(min_length=1)]
     """Placements of the instrument."""
     board: PlannedBoard | None = None
-    """Of a camera: what its pictures show."""
+    """Board that the pictures of a camera show."""
     targets: Annotated[tuple[TargetEntry, ...], Field(min_length=1)]
     """Targets on the flange. The predicted TCP error is that of the first."""
     distances: tuple[KnownDistances, ...] = ()

@@ -248,7 +248,7 @@ class PictureSettings(Strict):
     squares_y: Annotated[int, Field(ge=3, le=200)] = 7
     square_m: Annotated[float, Field(gt=0.0)] = 0.025
     sigma_m: Annotated[float, Field(gt=0.0)] = 5.0e-5
-    """Of its measurement. Assumed: a row of 200 mm to 0.4 mm."""
+    """Sigma of its measurement. Assumed: a row of 200 mm to 0.4 mm."""
     lens_scale: NotNegative = 0.3
     """How far the true lens is from the camera's file, in its standard deviations."""
     tilt_max_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 60.0
@@ -273,7 +273,7 @@ class PosesSettings(Strict):
     targets: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]
     """Balls or reflectors in the flange's frame."""
     pictures: PictureSettings | None = None
-    """Of a camera."""
+    """Pictures of a camera."""
     reference: tuple[PlacementSettings, ...] = ()
     """Three or more fixed points in the robot's base frame, which a tracker reads at each pose."""
     axis_lower_deg: tuple[float, ...] | None = None

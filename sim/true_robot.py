@@ -218,7 +218,7 @@ def _gears(robot: Robot, errors: ErrorSettings, seed: int) -> tuple[Array | None
     spread = stream(seed, "pose_joint_compliance").standard_normal(robot.joints)
     stiffness = gears.stiffness * compliance.scale * np.exp(compliance.spread * spread)
     if (gap := errors.gear_backlash) is not None:
-        spread = stream(seed, "pose_lost_motion").standard_normal(robot.joints)
+        spread = stream(seed, "pose_backlash").standard_normal(robot.joints)
         play = 0.5 * gears.lost_motion * gap.scale * np.exp(gap.spread * spread)
     return stiffness, play
 

@@ -1,7 +1,7 @@
 """Joint offsets alone, for controllers and drivers that take nothing else.
 
 The offsets are not the identified zeros: they bring the nominal robot nearest to the identified one
-over the fitted ranges, sag and backlash included, its base and its tool placed anew. What they
+over the fitted ranges, sag and backlash included, its base and its tool placed again. What they
 leave is stated. Zeros of axes that only turn the base or the tool stay as they are.
 
 Files: LeRobot's calibration (huggingface/lerobot, src/lerobot/motors/motors_bus.py, feetech.py) and
@@ -45,12 +45,12 @@ class Offsets:
 
     @property
     def sentence(self) -> str:
-        """What they leave."""
+        """A sentence on the error that they leave."""
         shown = ", ".join(f"{angle:.3f}" for angle in np.rad2deg(self.axes))
         return (
             f"Offsets alone, {shown} deg: against the identified robot the TCP error is "
             f"{self.left * 1e3:.3f} mm in place of {self.nominal * 1e3:.3f} mm (means over the "
-            "fitted ranges, base and tool placed anew)"
+            "fitted ranges, base and tool placed again)"
         )
 
 
@@ -139,7 +139,7 @@ def _lerobot(text: str, source: str, joints: list[str], offsets: Offsets) -> tup
         if abs(motor["homing_offset"]) > LARGEST:
             raise InputError(
                 f"{source}: {name} would have an offset of {motor['homing_offset']} ticks, more "
-                f"than the {LARGEST} that a motor holds. Mount its horn anew."
+                f"than the {LARGEST} that a motor holds. Mount its horn again."
             )
         motor["range_min"] += abs(ticks)
         motor["range_max"] -= abs(ticks)
@@ -152,9 +152,11 @@ def _robot_calibration(
 ) -> tuple[str, list[str]]:
     """Lines `joint: offset` [rad]: joint = shown + offset. Offsets in the file add to the new."""
     lines = text.splitlines()
-    found = {m[2]: (k, m) for k, line in enumerate(lines) if (m := _LINE.match(line))}
-    for name, angle in zip(_named(list(found), source, joints, offsets), offsets.axes, strict=True):
-        k, match = found[name]
+    listed = {m[2]: (k, m) for k, line in enumerate(lines) if (m := _LINE.match(line))}
+    for name, angle in zip(
+        _named(list(listed), source, joints, offsets), offsets.axes, strict=True
+    ):
+        k, match = listed[name]
         try:
             value = float(match[4]) + float(angle)
         except ValueError:

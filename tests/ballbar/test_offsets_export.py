@@ -104,7 +104,7 @@ def test_another_file_is_refused(text: str, said: str, tmp_path: Path) -> None:
 
 
 def test_an_offset_that_a_motor_does_not_hold_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="Mount its horn anew"):
+    with pytest.raises(InputError, match="Mount its horn again"):
         offsets_into(
             result_of(tmp_path, "so101", zeros=0.05), lerobot(tmp_path, homing_offset=2040), []
         )
