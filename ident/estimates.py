@@ -16,7 +16,7 @@ from ballbar.ident.causes import beside_fit
 from ballbar.ident.consistency import AGREED, consistency
 from ballbar.ident.corrections import SUBSTITUTES, corrections_without_data
 from ballbar.ident.estimator.build_unknowns import GAIN_PRIOR
-from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.fit import Fit, moved
 from ballbar.ident.estimator.order_search import JointOrder
 from ballbar.ident.estimator.priors import PULL, beyond_priors
 from ballbar.ident.estimator.step_faults import as_logged, step_faults_in_logs
@@ -80,26 +80,28 @@ def result_of(
 
     single : the dh fit of each. orders : of joint errors that were found by evidence.
     """
-    deviated = deviated_masses(cell, fit, payload)
-    stated, layout = uncertainty(fit, deviated), fit.model.unknowns
-    complete = fit is not single[0].fit
+    first, deviated = single[0], deviated_masses(cell, fit, payload)
+    stated, layout, complete = uncertainty(fit, deviated), fit.model.unknowns, fit is not first.fit
+    best = moved(fit, stated.step)  # the rules ask what the fit itself had to do
     known = stated.information_gain > MOSTLY_PRIOR
-    robot = replace(robot_estimate(cell, single[0], fit, stated, known, deviated), payload=payload)
+    robot = replace(robot_estimate(cell, first, best, stated, known, deviated), payload=payload)
     agreement = consistency(fit) if complete else AGREED  # kinematics alone lack too much
     softer = 1.0 if payload else softer_gears(fit)
     if masses_in_doubt(softer):
         robot = with_doubt_of_masses(robot, softer)
     estimates = tuple(
-        _recording(cell, r, fit, k if complete else 0, stated, known, options, rms(robot.tcp_sigma))
+        _recording(
+            cell, r, best, k if complete else 0, stated, known, options, rms(robot.tcp_sigma)
+        )
         for k, r in enumerate(single)
     )
-    first = single[0]
     statistics = FitStatistics(
         converged=fit.converged,
         iterations=first.iterations + (fit.iterations if complete else 0),
         unknowns=layout.count,
         chi2_per_dof=fit.chi2_per_dof,
         autocorrelation=stated.autocorrelation,
+        coloured=stated.coloured,
         excess=fit.excess,
         rank=first.subset.rank,
         condition=first.subset.condition,
@@ -109,10 +111,10 @@ def result_of(
         statistics,
         complete,
         pulled=pulled(fit),
-        unphysical=unphysical(fit, stated.covariance, payload),
+        unphysical=unphysical(best, stated.covariance, payload),
         impossible=impossible(fit) if fit.converged else (),
         disagreement=loaded_otherwise(payload) or agreement.sentence,
-        ratios=wrong_ratios(fit, np.sqrt(np.diag(stated.covariance))),
+        ratios=wrong_ratios(best, np.sqrt(np.diag(stated.covariance))),
         softer=softer,
         nominal_error=_nominal_error(robot),
         accuracy=options.accuracy,
@@ -129,7 +131,7 @@ def result_of(
         Evidence(closure, estimate, remarks=on_logs, held_out=ratio)
         for estimate, on_logs, ratio in zip(estimates, remarks, held_out, strict=True)
     ]
-    poses = added_table(fit, stated.covariance)
+    poses = added_table(best, stated.covariance)
     verdict = judge(parts if poses is None else [*parts, Evidence(table=poses, elsewhere=True)])
     tested = verdict.status in UNEXPLAINED_FIT and not fit.given_up  # it is beside a fit
     if complete and tested and cell.ballbar.stroke is None:
@@ -138,10 +140,10 @@ def result_of(
         named = payload is not None and payload.undeclared
         if cause := "" if named else beside_fit(cell, fit, names, contested=contested):
             verdict = replace(verdict, status=Status.MISFIT).with_cause(cause)
-    for remark in _remarks(cell, fit, options, robot, stated, orders, complete=complete):
+    for remark in _remarks(cell, best, options, robot, stated, orders, complete=complete):
         verdict = verdict.with_warning(remark)
     if poses:
-        undoubted = robot_estimate(cell, single[0], fit, stated.undoubted(), known, deviated)
+        undoubted = robot_estimate(cell, first, best, stated.undoubted(), known, deviated)
         if contradiction := _contradiction(poses, rms(undoubted.tcp_sigma)):
             verdict = verdict.with_warning(contradiction)
     return Identification(robot, estimates, statistics, verdict, poses, solved=fit, stated=stated)

@@ -53,9 +53,13 @@ SAME_ORDER = 1e-3  # [cycles a turn]
 
 
 def may_have_joint_errors(result: Identification) -> bool:
-    """Whether a complete fit leaves something, or the robot's file lists no joint errors at all."""
+    """Whether a complete fit leaves something that joint errors may be.
+
+    Or the robot's file lists none at all. A large one of a single order may pass for noise, which
+    then has too much of what all orders together would show.
+    """
     gears, status = result.robot.cell.robot.gears, result.verdict.status
-    listed = gears is not None and any(gears.harmonics)
+    listed = gears is not None and any(gears.harmonics) and result.fit.coloured == 1.0
     return status in (Status.SUSPECT, Status.MISFIT) or (status is Status.GOOD and not listed)
 
 

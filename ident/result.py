@@ -197,6 +197,7 @@ class FitStatistics:
     autocorrelation: float = 0.0
     rank: int = 0  # directions that the first recording determines, clock included
     condition: float = np.nan  # of its identifiable parameters' whitened columns, at unit length
+    coloured: float = 1.0  # as of Uncertainty
 
 
 @dataclass(frozen=True, eq=False)

@@ -270,3 +270,15 @@ def thinned(
     recordings, count = tuple(r.thinned(step) for r in model.recordings), len(model.recordings)
     thin = [b[::step] for b in ballbars[:count]]
     return replace(model, recordings=recordings), [*thin, *ballbars[count:]]
+
+
+def moved(fit: Fit, step: Array) -> Fit:
+    """The fit with an estimate that is off its minimum by a step (P,), its covariance as it is."""
+    if not step.any():
+        return fit
+    model, linear = fit.model, fit.linear
+    x = model.unknowns.moved(fit.x, step)
+    at = normal_equations(
+        model, x, fit.ballbars, fit.excess, weights=linear.weights, robust=linear.robust
+    )
+    return replace(fit, linear=at)

@@ -7,6 +7,11 @@ The ratio inflates each unknown's standard deviation, so the correlations stay t
 equations, which some tens of blocks could not give for a hundred unknowns. What the prior
 contributes is not inflated, unless the lengths that are known beforehand contradict each other.
 
+Ripple that no file lists (ballbar.ident.estimator.unlisted_ripple) would show in the blocks as
+well. They are those of the residual without it, and it has a term of its own: the variance of the
+estimate that allows for it, and the square of what this differs by from the one of white noise,
+since the model of that ripple stands for errors of other forms too.
+
 Rod, plate and axis offsets give the scale, and no log tells one of them from the other, only their
 sum: what the data take from the prior of each is less than all. With priors of covariance D and a
 posterior of C, the posterior mean is off the prior's by a normal deviate of covariance D - C, and
@@ -59,7 +64,7 @@ from ballbar.ident.estimator.normal_equations import gradient_of, jacobian, norm
 from ballbar.ident.estimator.priors import beyond_priors, robot_unknowns
 from ballbar.ident.estimator.time_blocks import BLOCK, each_block
 from ballbar.ident.estimator.unknowns import Unknowns
-from ballbar.ident.estimator.unlisted_ripple import unlisted_ripple
+from ballbar.ident.estimator.unlisted_ripple import RandomRipple, unlisted_ripple
 from ballbar.ident.loads.gear_loads import mass_model
 
 STRONG = 0.9  # correlation from which two unknowns are named together
@@ -93,9 +98,11 @@ class Uncertainty:
     white: Array  # (P, P) part that the data would leave were their residuals white
     widened: Array  # (P, P) part by which it is more, as they are not
     considered: Array  # (P, K) shifts of the estimate for a deviation of each direction of masses
-    candidates: Array  # (P, K) shifts by terms that the fit left out
+    candidates: Array  # (P, K) shifts by terms that the fit left out, and by unlisted ripple
     doubt: Array  # (P, L) shifts by what contradicts itself: known lengths, and beyond priors
     inflation: Array  # (P,) factor on each standard deviation over that of white residuals
+    step: Array  # (P,) from the fit to the estimate that allows for ripple no file lists
+    coloured: float  # variance of the residual along ripple of all orders, over white noise
     information_gain: Array  # (P,) 1 - (posterior sigma / prior sigma)^2: 0 prior alone, 1 data
     autocorrelation: float  # of neighbours in the whitened residual
     blocks: int  # of time, that the inflation comes from
@@ -112,19 +119,22 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     deviated : cells with masses beside those that the fit took as given, as for
         `considered_shifts`.
     """
-    layout, misfit = fit.model.unknowns, max(1.0, fit.chi2_per_dof)
-    sigma = layout.sigma
+    layout, ripple = fit.model.unknowns, unlisted_ripple(fit)
+    sigma, misfit = layout.sigma, max(1.0, fit.chi2_per_dof, ripple.noise)
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
-    variance, blocks = variance_by_blocks(fit)
+    variance, blocks = variance_by_blocks(fit, ripple=ripple)
     white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
     inflation = np.sqrt(np.maximum(1.0, variance / white))
     inflated = misfit * data * np.outer(inflation, inflation)
-    covariance = inflated + prior
-    lengths = known_lengths(layout, fit.x, fit.covariance, inflated - data)
-    candidates, pulled = _left_out(fit), DOUBT * doubted_shift(fit, lengths.unknowns)
+    beside = np.column_stack((ripple.shifts, ripple.step))
+    by_ripple = beside @ beside.T
+    added = inflated + by_ripple - data
+    lengths = known_lengths(layout, fit.x + ripple.step, fit.covariance, added)
+    candidates = np.column_stack((_left_out(fit), beside))
+    pulled = DOUBT * doubted_shift(fit, lengths.unknowns)
     doubt = np.column_stack((lengths.doubt, pulled))
-    covariance += doubt @ doubt.T + candidates @ candidates.T
+    covariance = inflated + prior + doubt @ doubt.T + candidates @ candidates.T
     shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
@@ -135,7 +145,9 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
         considered=shifts,
         candidates=candidates,
         doubt=doubt,
-        inflation=inflation,
+        inflation=np.sqrt(inflation**2 + np.diag(by_ripple) / white),
+        step=ripple.step,
+        coloured=ripple.noise,
         information_gain=gain,
         autocorrelation=mean_autocorrelation(fit),
         blocks=blocks,
@@ -156,7 +168,7 @@ def inflation_factors(covariance: Array, power: Array, sums: Array) -> Array:
 
 
 def _left_out(fit: Fit) -> Array:
-    """(P, K) shifts by terms that the fit left out, bearings that gears hold, unlisted ripple."""
+    """(P, K) shifts by terms that the fit left out and by bearings that gears hold."""
     layout = fit.model.unknowns
     second = np.diag(fit.covariance) + fit.x**2
     sizes = dict(zip(layout.names, np.sqrt(second).tolist(), strict=True))
@@ -164,23 +176,30 @@ def _left_out(fit: Fit) -> Array:
         sizes |= part.sizes
     tilts = held_tilts(layout.names, sizes)
     terms = (part.of(layout.names) for part in fit.left_out)
-    return np.column_stack([tilts, *terms, unlisted_ripple(fit)])
+    return np.column_stack([tilts, *terms])
 
 
-def variance_by_blocks(fit: Fit, length: float = BLOCK) -> tuple[Array, int]:
+def variance_by_blocks(
+    fit: Fit, length: float = BLOCK, *, ripple: RandomRipple | None = None
+) -> tuple[Array, int]:
     """(P,) variance by leaving out each block of time in turn, and how many blocks there are.
 
-    length : [s] of a block.
+    length : [s] of a block. ripple : that the estimate of generalised least squares is without.
 
     The jackknife: `(B - 1) / B` times the sum of squares over B blocks (Efron & Stein 1981).
     Without a block of normal matrix N and gradient g the estimate moves by `(H - N)^-1 g`, so what
     single blocks hold alone counts for what it is.
     """
     variance, count = np.zeros(fit.model.unknowns.count), 0
+    step = np.zeros(fit.x.size)
+    if ripple is not None:
+        step = ripple.step
+        fit = replace(fit, linear=replace(fit.linear, residuals=ripple.residuals))
     for block in each_block(fit, length, followed=True):
+        gradient = block.gradient + block.normal @ step[block.index]
         covariance = fit.covariance[:, block.index]
         without = np.eye(block.index.size) - block.normal @ covariance[block.index]
-        moved = covariance @ np.linalg.solve(without, block.gradient)
+        moved = covariance @ np.linalg.solve(without, gradient)
         variance += moved**2
         count += 1
     return variance * (count - 1) / count, count

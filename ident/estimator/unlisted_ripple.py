@@ -10,12 +10,15 @@ covariance
     k M + s^2 M M,   M = A' A - A' J C J' A
 
 of which maximum likelihood gives s and the noise k (restricted likelihood: Patterson & Thompson
-1971). The amplitudes c then have the posterior D = (M / k + 1 / s^2)^-1, the unknowns move by
-`-C J' A c`, and the mean square of what is neglected is `D + c c'`, as of terms that were left out
-(ballbar.ident.estimator.left_out).
+1971). The amplitudes then have the posterior mean c and covariance `D = (M / k + 1 / s^2)^-1`. They
+moved the unknowns by `-C J' A c`, so the best linear unbiased estimate (Henderson 1975), that of
+generalised least squares, is the one of white noise less this, and errs by `-C J' A D A' J C` more.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,18 +31,29 @@ from ballbar.ident.estimator.order_search import ORDERS
 # [rad] standard deviations of an amplitude that are tried: a gear errs by nine times as much
 SIZES = np.geomspace(1e-8, 1e-4, 81)
 EVIDENCE = 2.0  # logarithm of the likelihood's ratio that speaks for more than none
+COLOURED = 2.0  # variance of the scores, over white noise, of no sound robot: 0.7 to 1.7 found
 _LEAST = 1e-6  # of the largest eigenvalue: below, an amplitude is all taken over
 
 
-def unlisted_ripple(fit: Fit) -> Array:
-    """(P, K) shifts of the unknowns, each of one standard deviation and independent.
+@dataclass(frozen=True, eq=False)
+class RandomRipple:
+    """Random ripple of all gears: what it may do to an estimate, and what it has done."""
 
-    None where the likelihood of the residual asks for no such error, or the fit is one of
-    kinematics alone.
+    shifts: Array  # (P, K) of the unknowns, each of one standard deviation and independent
+    step: Array  # (P,) from the estimate to that of generalised least squares
+    residuals: tuple[Array, ...]  # (E, N) of each part, without the likeliest ripple
+    noise: float = 1.0  # variance of the scores over that of white noise, where nothing else is it
+
+
+def unlisted_ripple(fit: Fit) -> RandomRipple:
+    """The ripple that the residual of a fit asks for.
+
+    None where its likelihood speaks for no such error, or the fit is one of kinematics alone.
     """
     none = np.zeros((fit.x.size, 0))
+    nothing = RandomRipple(none, np.zeros(fit.x.size), fit.linear.residuals)
     if not fit.model.corrections:
-        return none
+        return nothing
     waves, mixed, score = _scores(fit)
     shifts = -fit.covariance @ mixed  # of the unknowns, for each amplitude
     score += shifts.T @ fit.linear.gradient  # what the search of the fit has left
@@ -48,10 +62,10 @@ def unlisted_ripple(fit: Fit) -> Array:
     along = directions.T @ score
     ratio, noise = amplitude_variance(size, along)
     if ratio == 0.0:
-        return none
+        return replace(nothing, noise=noise if noise > COLOURED else 1.0)
     amplitudes = directions @ (along / (size + 1.0 / ratio))
     root = directions * np.sqrt(noise / (size + 1.0 / ratio))
-    return np.column_stack((shifts @ root, shifts @ amplitudes))
+    return RandomRipple(shifts @ root, -shifts @ amplitudes, _without(fit, amplitudes))
 
 
 def amplitude_variance(size: Array, along: Array) -> tuple[float, float]:
@@ -70,6 +84,28 @@ def amplitude_variance(size: Array, along: Array) -> tuple[float, float]:
     return float(ratios[best]), float(noise[best])
 
 
+def _waves(fit: Fit) -> Iterator[tuple[Array, Array, Array]]:
+    """Whitened columns (J, E, N) of the gears of each recording, cosines and sines
+    (J, K / J, N) of the orders of each, and the residual (E, N).
+    """
+    gears = fit.model.gearing.to_gear.shape[1]
+    for point, weights, residual in fit.recorded:
+        columns = weights(point.columns[GEAR : GEAR + gears])
+        angles = point.recording.robot.spline(point.robot_time) @ fit.model.gearing.to_gear
+        turned = np.arange(1, ORDERS + 1)[:, None] * angles.T[:, None]  # (J, ORDERS, N)
+        yield columns, np.concatenate((np.cos(turned), np.sin(turned)), axis=1), residual
+
+
+def _without(fit: Fit, amplitudes: Array) -> tuple[Array, ...]:
+    """The residuals (E, N) of each part without ripple of these amplitudes (K,)."""
+    size = amplitudes.reshape(fit.model.gearing.to_gear.shape[1], -1)
+    left = [
+        residual - np.einsum("jk,jkn,jen->en", size, each, columns, optimize=True)
+        for columns, each, residual in _waves(fit)
+    ]
+    return (*left, *fit.linear.residuals[len(left) :])
+
+
 def _scores(fit: Fit) -> tuple[Array, Array, Array]:
     """The products (K, K) of the columns of the amplitudes, those with the unknowns' (P, K), and
     the scores (K,); a cosine and a sine of every order of every gear.
@@ -78,11 +114,7 @@ def _scores(fit: Fit) -> tuple[Array, Array, Array]:
     waves = np.zeros((gears, per_gear, gears, per_gear))
     mixed = np.zeros((model.unknowns.count, gears, per_gear))
     score = np.zeros((gears, per_gear))
-    for k, (point, weights, residual) in enumerate(fit.recorded):
-        columns = weights(point.columns[GEAR : GEAR + gears])  # (J, E, N)
-        angles = point.recording.robot.spline(point.robot_time) @ model.gearing.to_gear
-        turned = np.arange(1, ORDERS + 1)[:, None] * angles.T[:, None]  # (J, ORDERS, N)
-        each = np.concatenate((np.cos(turned), np.sin(turned)), axis=1)
+    for k, (columns, each, residual) in enumerate(_waves(fit)):
         for block in jacobian(model, fit.linear, k):
             own, wave = columns[..., block.samples], each[..., block.samples]
             for j in range(gears):

@@ -167,6 +167,8 @@ def test_a_good_fit_is_searched_only_where_the_file_lists_no_orders() -> None:
     identified_robot = replace(result.robot.identified, description=unlisted)
     robot = replace(result.robot, identified=identified_robot)
     assert may_have_joint_errors(replace(result, robot=robot))
+    coloured = replace(result.fit, coloured=3.0)
+    assert may_have_joint_errors(replace(result, fit=coloured))
     suspect = replace(result.verdict, status=Status.SUSPECT)
     assert may_have_joint_errors(replace(result, verdict=suspect))
     lost = replace(result.verdict, status=Status.NOT_CONVERGED)

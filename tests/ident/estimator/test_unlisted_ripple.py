@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.statistics import rms
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.order_search import ORDERS, LinearModel
+from ballbar.ident.estimator.uncertainty import uncertainty
 from ballbar.ident.estimator.unlisted_ripple import amplitude_variance, unlisted_ripple
 from ballbar.ident.joint_errors import linearised
 
@@ -28,25 +30,25 @@ def waves(model: LinearModel) -> Array:
     )
 
 
-def with_ripple(fit: Fit, size: float) -> tuple[Fit, LinearModel, Array]:
+def with_ripple(fit: Fit, size: float) -> tuple[Fit, LinearModel, Array, Array]:
     """The fit of logs of white noise and ripple of every order, unknowns off by what their priors
-    allow; and the whitened columns of the ripple.
+    allow; the whitened columns of the ripple; and the error (P,) of the estimate.
     """
     rng, model = np.random.default_rng(1), linearised(fit)
     columns, flat = waves(model), model.jacobian.reshape(len(model.jacobian), -1)
     off = fit.model.unknowns.sigma * rng.standard_normal(len(flat))
     amplitudes = size * rng.standard_normal(len(columns))
     residual = rng.standard_normal(model.residual.size) + amplitudes @ columns + off @ flat
-    residual -= (fit.covariance @ (flat @ residual)) @ flat
+    step = -fit.covariance @ (flat @ residual)
+    residual += step @ flat
     model = replace(model, residual=residual.reshape(model.residual.shape))
     linear = replace(fit.linear, residuals=(model.residual,), gradient=np.zeros(len(flat)))
-    return replace(fit, linear=linear), model, columns
+    return replace(fit, linear=linear), model, columns, off + step
 
 
 def test_the_shifts_are_those_of_the_posterior_of_all_amplitudes(machine_fit: Fit) -> None:
-    fit, model, columns = with_ripple(machine_fit, SIZE)
-    shifts = unlisted_ripple(fit)
-    assert shifts.shape == (fit.model.unknowns.count, len(columns) + 1)
+    fit, model, columns, _ = with_ripple(machine_fit, SIZE)
+    ripple = unlisted_ripple(fit)
     flat = model.jacobian.reshape(len(model.jacobian), -1)
     mixed = flat @ columns.T
     information = columns @ columns.T - mixed.T @ fit.covariance @ mixed
@@ -57,14 +59,31 @@ def test_the_shifts_are_those_of_the_posterior_of_all_amplitudes(machine_fit: Fi
     posterior = np.linalg.inv(information / noise + np.eye(len(columns)) / (ratio * noise))
     mean = posterior @ score / noise
     moved = fit.covariance @ mixed
-    expected = moved @ (posterior + np.outer(mean, mean)) @ moved.T
-    assert np.diag(shifts @ shifts.T) == pytest.approx(np.diag(expected), rel=1e-4)
+    expected = moved @ posterior @ moved.T
+    assert np.diag(ripple.shifts @ ripple.shifts.T) == pytest.approx(np.diag(expected), rel=1e-4)
+    assert ripple.step == pytest.approx(
+        moved @ mean, rel=1e-4, abs=1e-4 * np.abs(moved @ mean).max()
+    )
+    left = model.residual - (mean @ columns).reshape(model.residual.shape)
+    assert np.hstack(ripple.residuals) == pytest.approx(left, abs=1e-3)
+
+
+def test_generalised_least_squares_is_nearer_and_its_sigma_true(machine_fit: Fit) -> None:
+    fit, _, _, error = with_ripple(machine_fit, SIZE)
+    ripple, machine = unlisted_ripple(fit), fit.model.unknowns.machine
+    white, nearer = np.diag(fit.covariance), error + ripple.step
+    stated = np.sqrt(white + (ripple.shifts**2).sum(axis=1))
+    before, after = ((e / np.sqrt(white))[machine] for e in (error, nearer))
+    assert rms(after) < 0.8 * rms(before)
+    assert 0.8 < rms((nearer / stated)[machine]) < 1.2
 
 
 def test_white_noise_and_kinematics_alone_ask_for_none(machine_fit: Fit) -> None:
-    assert unlisted_ripple(with_ripple(machine_fit, 0.0)[0]).shape[1] == 0
+    nothing = unlisted_ripple(with_ripple(machine_fit, 0.0)[0])
+    assert nothing.shifts.shape[1] == 0
+    assert not nothing.step.any()
     bare = replace(machine_fit, model=replace(machine_fit.model, corrections=()))
-    assert unlisted_ripple(bare).shape[1] == 0
+    assert unlisted_ripple(bare).shifts.shape[1] == 0
 
 
 @pytest.mark.parametrize("noise", [1.0, 4.0])
@@ -85,3 +104,14 @@ def test_variances_of_drawn_scores_are_found(noise: float) -> None:
         for _ in range(20)
     ]
     assert np.count_nonzero(white) <= 2
+
+
+def test_noise_that_the_scores_have_too_much_of_is_told(machine_fit: Fit) -> None:
+    """A ripple of 0.2 mrad on one gear passed for noise: good, 2.2 stated deviations off."""
+    fit, model, _, _ = with_ripple(machine_fit, 0.0)
+    assert unlisted_ripple(fit).noise == 1.0
+    linear = replace(fit.linear, residuals=(2.0 * model.residual,))
+    ripple = unlisted_ripple(replace(fit, linear=linear))
+    assert ripple.noise == pytest.approx(4.0, rel=0.2)
+    assert ripple.shifts.shape[1] == 0
+    assert uncertainty(replace(fit, linear=linear)).coloured == ripple.noise
