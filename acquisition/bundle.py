@@ -37,6 +37,8 @@ _ROUNDS = 8  # of leaving corners out
 _STEADY = 0.01  # relative change of the noise that ends the rounds
 _LEAST_NOISE = 1e-3  # [px]
 
+_SHARED = 10.0  # degrees of freedom of the noise of all pictures in that of each
+
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
@@ -92,6 +94,16 @@ class Bundle:
     def square(self) -> Array:
         """(N,) [px^2] sum of squares of the corners that count."""
         return np.asarray((self.residual**2 * self.counting[..., None]).sum(axis=(1, 2)))
+
+    @property
+    def picture_noise(self) -> Array:
+        """(N,) [px] of each picture's corners, which near and sharp ones have less of.
+
+        Its own root mean square, as far as its corners tell it, and that of all.
+        """
+        free = np.maximum(2.0 * self.counting.sum(axis=1) - 6.0, 0.0)
+        variance = (self.square + _SHARED * self.sigma**2) / (free + _SHARED)
+        return np.asarray(np.sqrt(variance))
 
     @property
     def cost(self) -> float:

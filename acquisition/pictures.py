@@ -151,7 +151,8 @@ def pose_values(
         to_values[:, :3, :3] = to_values[:, 3:, 3:] = -back
         to_values[:, :3, 3:] = -back @ arm
         rotation, origin = back, -(back @ origin[..., None])[..., 0]
-    covariance = fitted.sigma**2 * to_values @ np.linalg.inv(own) @ to_values.transpose(0, 2, 1)
+    noise = fitted.picture_noise[rows, None, None]
+    covariance = noise**2 * to_values @ np.linalg.inv(own) @ to_values.transpose(0, 2, 1)
     sigma: Array = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     factor = np.asarray(np.linalg.cholesky(covariance / sigma[:, :, None] / sigma[:, None]))
     by_values = np.asarray(-to_values @ np.linalg.solve(own, mixed))

@@ -60,6 +60,7 @@ REGIONS, PLACES = "in regions of joint space", "at places"  # that were not fitt
 SAME_PLACE = 0.15  # [m] between seats that see the robot from one place
 BLOCKS = 32  # regions whose poses share what the model leaves over
 CORRELATION_TIMES = 10.0  # of a block of time: its edges are a small part of it
+_BEYOND_STEPS = 20  # of an iteration that converges in a few
 FEWEST_BLOCKS, MOST_BLOCKS = 5, 200  # of time, in one log
 CLOSE = 1.5  # periods between neighbouring rows, at most
 
@@ -165,7 +166,7 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     square = sum(float((rest[:, k] ** 2).sum()) for rest, _, k in judged)
     declared = min(float(p.position_sigma.min()) for p in points)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
-    white = sum(_white(g, r[:, k], k) for g, (r, _, k) in zip(table.groups, judged, strict=True))
+    white = sum(_white(g, *own) for g, own in zip(table.groups, judged, strict=True))
     ratios = [
         mahalanobis(rest[:, k], spread[k], variance) / chi_square_quantile(LEVEL, len(rest))
         for rest, spread, k in judged
@@ -190,14 +191,18 @@ def _play(robot: Robot) -> float:
     return 0.5 * float(robot.gears.lost_motion.max()) * arm_length(robot)
 
 
-def _white(group: PoseGroup, rest: Array, counting: NDArray[np.bool_]) -> float:
+def _white(group: PoseGroup, rest: Array, spread: Array, counting: NDArray[np.bool_]) -> float:
     """[m^2] sum of squares of the white noise in errors (E, N) [m] of a robot that moved.
 
     Second differences of neighbouring rows are without what the model leaves over, which changes
-    slowly; noise that is not white is counted as such. counting : of the group's poses.
+    slowly; noise that is not white is counted as such. spread : (N, E, E) [m^2] by the parameters.
+    counting : of the group's poses.
     """
+    rest = rest[:, counting]
     if group.common is not None:  # the instrument's own readings tell their noise
-        return float((group.sigma[counting, : len(rest)] ** 2).sum())
+        noise = (group.sigma[counting, : len(rest)] ** 2).mean(axis=1)
+        square = (rest**2).mean(axis=0) - np.trace(spread[counting], axis1=1, axis2=2) / len(rest)
+        return float(np.sum(square - _beyond(square, noise)) * len(rest))
     if group.motion is None or group.time is None:
         return 0.0
     step = np.diff(group.time[counting])
@@ -206,6 +211,18 @@ def _white(group: PoseGroup, rest: Array, counting: NDArray[np.bool_]) -> float:
     if usual > WIDEST_KNOT_SPACING or not even.any():
         return 0.0
     return float((np.diff(rest, n=2)[:, even] ** 2).mean() / 6.0 * rest.size)
+
+
+def _beyond(square: Array, noise: Array) -> float:
+    """[m^2] variance beside that of noise (N,) [m^2] of which squares (N,) [m^2] are.
+
+    Each counts by its own variance: those with large noise tell little (DerSimonian & Laird 1986).
+    """
+    out = 0.0
+    for _ in range(_BEYOND_STEPS):
+        weight = (noise + out) ** -2.0
+        out = max(0.0, float(weight @ (square - noise) / weight.sum()))
+    return out
 
 
 def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:

@@ -63,7 +63,7 @@ Version = Annotated[
 
 @app.callback()
 def shared(quiet: Quiet = False, verbose: Verbose = False, version: Version = False) -> None:
-    """Robot calibration with a ball-bar, draw-wire, laser tracker or sockets.
+    """Robot calibration with a ball-bar, draw-wire, laser tracker, camera or sockets.
 
     Simulate the cell, read its logs, identify the robot and look at the result.
     """
@@ -116,7 +116,8 @@ def _requirement_of(error: ModuleNotFoundError) -> str | None:
     from importlib.metadata import requires
 
     module = (error.name or "").partition(".")[0]
-    name = {"mujoco": "mujoco-core", "rerun": "rerun-sdk"}.get(module, module)
+    names = {"mujoco": "mujoco-core", "rerun": "rerun-sdk", "cv2": "opencv-python-headless"}
+    name = names.get(module, module)
     lines = (line.partition(";")[0].strip() for line in requires("ballbar-bench") or ())
     return next((line for line in lines if re.split(r"[^\w-]", line)[0] == name), None)
 

@@ -26,6 +26,7 @@ AT_THE_CELL, RESULT, TEST_BENCH = "At the cell", "With the result", "Test bench"
 COMMANDS = {
     AT_THE_CELL: {
         "robot": "robots",
+        "camera": "camera",
         "plan": "planning",
         "record": "live",
         "watch": "live",

@@ -69,8 +69,15 @@ DISTRIBUTIONS = {
     "yaml": "pyyaml",
     "rerun": "rerun-sdk",
     "pydantic_core": "pydantic",
+    "cv2": "opencv-python-headless",
 }  # whose import name is another; pydantic requires its core at one exact version
-USED_EXTRAS = ("ads", "dask", "ros", "xlsx")  # of the product; docs and dev serve the project
+USED_EXTRAS = (
+    "ads",
+    "camera",
+    "dask",
+    "ros",
+    "xlsx",
+)  # of the product; docs and dev serve the project
 
 
 def names_of(requirements: list[str]) -> set[str]:

@@ -1,0 +1,1 @@
+"""From a printed board to a table of its corners in pictures."""
