@@ -27,12 +27,12 @@ def bundle(pictures: Pictures) -> Bundle:
     n, camera = len(pictures.pixels), pictures.camera
     start = Bundle(
         pictures,
-        camera.lens.values,
-        np.zeros(len(SHAPE)),
-        np.zeros((n, 3, 3)),
-        np.zeros((n, 3)),
-        pictures.seen,
-        camera.sigma,
+        lens=camera.lens.values,
+        shape=np.zeros(len(SHAPE)),
+        rotation=np.zeros((n, 3, 3)),
+        origin=np.zeros((n, 3)),
+        counting=pictures.seen,
+        sigma=camera.sigma,
     )
     plane = _started(start)
     starts = [_chosen(each, robust=True) for each in (plane, _started(_focused(plane)))]

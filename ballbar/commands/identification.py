@@ -100,11 +100,12 @@ def identify(
             with progress.removed():
                 say_identification(out, run)
         from ballbar.outputs import write_outputs
-        from ballbar.report.budget import budget_sentence
 
         write_outputs(
             folder, run, command=command_line(), replay=rerun, progress=progress, begin=begin
         )
+    from ballbar.report.budget import budget_sentence
+
     if as_json:
         _say_json(run, folder)
     elif sentence := budget_sentence(run.identification.budget):
