@@ -94,7 +94,11 @@ class Board:
 
 def load_board(path: Path) -> Board:
     """The board of a file. Raises DescriptionError naming file, line and key."""
-    file = load_model(path, BoardFile)
+    return board_of(path.stem, load_model(path, BoardFile))
+
+
+def board_of(name: str, file: BoardFile) -> Board:
+    """The board that a checked file describes."""
     if file.kind == "points":
         points = np.array(file.points_m)
         size = float(np.linalg.norm(points[:, None] - points, axis=2).max())
@@ -102,4 +106,4 @@ def load_board(path: Path) -> Board:
         size = file.square_m or 0.0  # checked by the schema
         along = (np.arange(1, file.squares_x or 0), np.arange(1, file.squares_y or 0))
         points = size * np.column_stack([part.ravel() for part in np.meshgrid(*along)])
-    return Board(path.stem, file.kind, points, file.sigma_m / size, file.flat_m, file)
+    return Board(name, file.kind, points, file.sigma_m / size, file.flat_m, file)

@@ -29,8 +29,10 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.descriptions import Robot
 from ballbar.cell.poses import PoseGroup, PoseTable
 from ballbar.cell.statistics import chi_square_quantile
+from ballbar.cell.typical_machine import arm_length
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.model import Evaluation
 from ballbar.ident.estimator.normal_equations import whole_jacobian
@@ -45,7 +47,8 @@ from ballbar.ident.estimator.whitening import Whitening
 from ballbar.ident.signals.smooth_log import WIDEST_KNOT_SPACING
 
 LEVEL = 0.95
-STRANGE = 3e-3  # [m] mean error: industrial robots, identified, stay below 0.5 mm
+# [m] mean error: industrial robots, identified, stay below 0.5 mm; play of the gears adds to it
+STRANGE = 3e-3
 # Share of the variance of joint errors that the rods of one, two, or three and more seats show
 # beside what the fit takes up. Measured on the tables of a UR5 and a UR10 with their points turned
 # into lengths, and on drawn robots (tests/ident/test_length_regions.py).
@@ -76,11 +79,12 @@ class CrossValidation:
     of_points: float  # [m] the same of points: 0 where nothing but lengths were measured
     # [rad] of each joint, in place of it; 0 where more than lengths was measured
     joint_sigma: float
+    play: float = 0.0  # [m] what play of the gears makes at the end of the arm
 
     @property
     def strange(self) -> bool:
         """Whether the data are of another robot, or of other joint angles."""
-        return not self.mean <= STRANGE
+        return not self.mean <= STRANGE + self.play
 
     @property
     def factor_of_points(self) -> float:
@@ -176,7 +180,15 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
         factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
         of_points=0.0 if only_lengths(table) else float(np.sqrt(variance)),
         joint_sigma=_joint_sigma(fit) if only_lengths(table) else 0.0,
+        play=_play(table.robot),
     )
+
+
+def _play(robot: Robot) -> float:
+    """[m] what half of the gears' play makes at the end of the arm."""
+    if robot.gears is None:
+        return 0.0
+    return 0.5 * float(robot.gears.lost_motion.max()) * arm_length(robot)
 
 
 def _white(group: PoseGroup, rest: Array, spread: Array, counting: NDArray[np.bool_]) -> float:

@@ -42,6 +42,9 @@ class PlacementEstimate:
 
     placement: Placement
     sigma: Array  # (3,) [m] of its position
+    turn_sigma: (
+        Array  # (3,) [rad] of its orientation, about axes of the flange or of the base; (0,)
+    )
     whole: bool  # whether its orientation was identified too
 
 
@@ -92,7 +95,9 @@ class TableEstimate:
         fit, sigma = self.fit, np.sqrt(np.diag(self.fit.covariance))
         framed = fit.model.unknowns.framed
         return {
-            name: PlacementEstimate(place(fit.x, name), sigma[part][:3], name in framed)
+            name: PlacementEstimate(
+                place(fit.x, name), sigma[part][:3], sigma[part][3:], name in framed
+            )
             for name, part in parts.items()
         }
 

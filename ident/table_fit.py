@@ -42,6 +42,9 @@ from ballbar.ident.table_estimate import TableEstimate
 from ballbar.ident.table_steps import Step, refuse_large, refuse_merged, sized, split
 
 SEEN = 4.0  # standard deviations from which the lag of a joint is seen
+# [rad] backlash from which still poses show it; gears of industrial robots have less
+PLAY = 3e-3
+ZERO_BY_EYE = 0.1  # [rad] prior sigma of a zero of an arm with so much play
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
 
 
@@ -101,6 +104,7 @@ def _estimated(still: PlacedPoses, options: FitOptions, listener: Listener) -> T
     learned = options.joint_errors
     fixed = [*_expected(table), *(_held(learned) if isinstance(learned, JointErrors) else [])]
     layout = still_unknowns(robot_geometry(table.robot), still, fixed)
+    layout = _with_zeros_by_eye(table.robot, layout)
     _check_enough(table, layout)
     model = still_model(table, layout, fixed, noise)
     nominal = fit_robustly(replace(model, unknowns=layout.held()), layout.mean.copy())
@@ -127,11 +131,28 @@ def _expected(table: PoseTable) -> list[Correction]:
     """
     robot, out = table.robot, sag(table.robot)
     if not table.moving.any():
-        return out
+        return [*out, *([gear_backlash(robot)] if _has_play(robot) else [])]
     out.append(joint_lag(robot))
     if robot.gears is not None:
         out += [gear_ripple(robot), *([] if robot.links is None else [gear_backlash(robot)])]
     return out
+
+
+def _has_play(robot: Robot) -> bool:
+    """Whether the gears have so much play that still poses show it, as hobby servos have."""
+    stated = robot.gears is not None and robot.links is not None
+    return stated and float(robot.required("gears").lost_motion.max()) > PLAY
+
+
+def _with_zeros_by_eye(robot: Robot, layout: Unknowns) -> Unknowns:
+    """The unknowns with wide priors of the zeros of an arm of servos, which are set by eye.
+
+    A narrow one would have play take the place of a zero where a gear lies on one flank.
+    """
+    if not _has_play(robot):
+        return layout
+    zeros = np.array([name.startswith("rtheta") for name in layout.names])
+    return replace(layout, sigma=np.where(zeros, ZERO_BY_EYE, layout.sigma))
 
 
 def _without_unseen_lags(model: Model, fit: Fit) -> Fit:

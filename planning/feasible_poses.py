@@ -19,7 +19,7 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.number_text import significant_text
 from ballbar.cell.placement import Placement
 from ballbar.planning.capsules import smallest_distance
-from ballbar.planning.stations import Aim, PoseSetup, Station, station_frames
+from ballbar.planning.stations import Aim, PoseSetup, Station, nominal_stand, station_frames
 
 STEPS = 25  # Gauss-Newton steps towards a distance or a socket
 LONGEST_STEP = 0.3  # [rad] of an axis in one of them
@@ -146,6 +146,8 @@ def _masks(
     if sighted:
         looks = np.einsum("ikn,in->kn", frames.rotation(-2), -rod)
         masks["aim of the target"] = _aimed(station.target_aim, looks)
+    if setup.instrument.view is not None:
+        masks["sight of the board"] = setup.instrument.visible(nominal_stand(station, frames))
     return masks
 
 

@@ -20,9 +20,8 @@ import numpy as np
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Robot
 from ballbar.cell.geometry import geometry_of_chain, parameter_table
-from ballbar.cell.instruments.base import TrueStand
 from ballbar.cell.placement import Placement
-from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.poses import CommonErrors, PoseGroup, PoseTable
 from ballbar.cell.robot_angles import controller_to_joints
 from ballbar.ident.corrections.base import Correction
 from ballbar.ident.corrections.joint_harmonics import joint_harmonics
@@ -35,8 +34,9 @@ from ballbar.ident.estimator.unknowns import PlacedPoses, Unknowns
 from ballbar.ident.robot.accuracy import aligned_columns, position_sigma
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.planning.crlb import PredictedInformation
-from ballbar.planning.feasible_poses import Candidates
-from ballbar.planning.stations import PoseSetup, Station, station_frames
+from ballbar.planning.expected_pictures import expected_common, with_pictures
+from ballbar.planning.feasible_poses import Candidates, random_candidates
+from ballbar.planning.stations import PoseSetup, Station, nominal_stand, station_frames
 
 # Smooth joint errors: orders, and [rad] sigma of an amplitude of order 1, falling with the root of
 # the order. 3e-5 to 3e-4 and four or five orders gave poses as good on simulated robots.
@@ -50,13 +50,15 @@ class Information:
     setup: PoseSetup
     layout: Unknowns
     corrections: tuple[Correction, ...]
+    common: CommonErrors | None = None  # of a camera's lens and board
 
     def rows(self, poses: Candidates) -> Array:
         """(K, E, P) whitened rows of poses, per standard deviation of each prior."""
         layout, all_rows = self.layout, np.zeros((0, 0, 0))
         for k in np.unique(poses.station):
             of_station = np.flatnonzero(poses.station == k)
-            group = expected_group(self.setup, self.setup.stations[k], poses.axes[of_station])
+            station, axes = self.setup.stations[k], poses.axes[of_station]
+            group = expected_group(self.setup, station, axes, self.common)
             model = self._model((group,))
             (point,) = model.at_rest(layout.mean)
             weights = model.weights(layout.mean, point, self.setup.unexplained)
@@ -103,7 +105,7 @@ class Information:
             geometry_of_chain(parameter_table(setup.robot), setup.chain),
             self.corrections,
             layout.mean[layout.coefficients],
-            target=Placement(np.eye(3), station.point),
+            target=Placement(station.target_rotation, station.point),
         )
         return PredictedInformation(
             layout=layout,
@@ -121,15 +123,25 @@ class Information:
 
 def information_of(setup: PoseSetup) -> Information:
     """The model of a setup at its nominal robot, seats and targets."""
-    middle = 0.5 * (setup.lower + setup.upper)[None]
-    groups = tuple(expected_group(setup, station, middle) for station in setup.stations)
-    seats = {s.seat: Placement(np.eye(3), s.origin) for s in setup.stations}
-    targets = {s.target: Placement(np.eye(3), s.point) for s in setup.stations}
+    middle, common = 0.5 * (setup.lower + setup.upper)[None], _common(setup)
+    groups = tuple(expected_group(setup, station, middle, common) for station in setup.stations)
+    seats = {s.seat: Placement(s.seat_rotation, s.origin) for s in setup.stations}
+    targets = {s.target: Placement(s.target_rotation, s.point) for s in setup.stations}
     corrections = (unit_weights(setup.robot), smooth_joint_errors(setup.robot))
     nominal = geometry_of_chain(parameter_table(setup.robot), setup.chain)
     table = PoseTable(setup.request.name, setup.robot, groups, setup.distances)
     layout = still_unknowns(nominal, PlacedPoses(table, seats, targets), corrections)
-    return Information(setup, layout, corrections)
+    return Information(setup, layout, corrections, common)
+
+
+def _common(setup: PoseSetup) -> CommonErrors | None:
+    """Errors of lens and board after as many pictures as planned, at random poses."""
+    if setup.instrument.view is None:
+        return None
+    rng, station = np.random.default_rng(setup.request.seed), setup.stations[0]
+    axes = random_candidates(setup, setup.request.poses, rng).axes
+    stand = nominal_stand(station, station_frames(setup, station, axes))
+    return expected_common(setup.instrument, stand)
 
 
 def smooth_joint_errors(robot: Robot) -> Correction:
@@ -145,16 +157,18 @@ def smooth_joint_errors(robot: Robot) -> Correction:
     return replace(correction, coefficients=expected)
 
 
-def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup:
+def expected_group(
+    setup: PoseSetup, station: Station, axes: Array, common: CommonErrors | None = None
+) -> PoseGroup:
     """The values that the nominal robot lets an instrument measure at axis angles (N, J) [rad].
 
-    Of still poses; those of a robot that moves have a time and a motion besides.
+    common : errors of a camera's lens and board. Of still poses; those of a robot that moves have
+    a time and a motion besides.
     """
-    frames, instrument = station_frames(setup, station, axes), setup.instrument
-    rod = frames.tip - station.origin[:, None]
-    stand = TrueStand(rod, np.linalg.norm(rod, axis=0), frames.rotation())
+    instrument = setup.instrument
+    stand = nominal_stand(station, station_frames(setup, station, axes))
     values = instrument.kind.measure(stand, np.zeros((6, len(axes))), instrument)
-    return PoseGroup(
+    group = PoseGroup(
         measured=instrument.measured,
         seat=station.seat,
         target=station.target,
@@ -164,3 +178,4 @@ def expected_group(setup: PoseSetup, station: Station, axes: Array) -> PoseGroup
         rows=np.arange(1, len(axes) + 1),
         file="plan",
     )
+    return with_pictures(group, instrument, stand, common)

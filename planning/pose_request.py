@@ -27,6 +27,17 @@ PlanName = Annotated[
 Seed = Annotated[int, Field(ge=0, description="Seed of all drawn values.")]
 
 
+class PlannedBoard(Strict):
+    """The board that a camera sees: the seat and the target are the two."""
+
+    file: str
+    """Its file (schema `ballbar-board/1`), from the folder of the request."""
+    camera: Literal["cell", "flange"] = "cell"
+    """Where the camera stands: in the cell, with the board on the flange, or on the flange."""
+    tilt_max_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 60.0
+    """Largest angle between the line of sight and the board's normal."""
+
+
 class SeatEntry(Strict):
     """One placement of the instrument, or one socket."""
 
@@ -40,6 +51,8 @@ class SeatEntry(Strict):
     """
     cone_deg: Cone = 180.0
     """Largest angle from `axis`."""
+    rotvec_rad: Vector3 = (0.0, 0.0, 0.0)
+    """Orientation of a camera or board in the base frame, as rotation vector."""
 
 
 class TargetEntry(Strict):
@@ -53,6 +66,8 @@ class TargetEntry(Strict):
     """Direction in the flange's frame into which the target looks."""
     cone_deg: Cone = 180.0
     """Largest angle between `axis` and the instrument; 30 for a reflector."""
+    rotvec_rad: Vector3 = (0.0, 0.0, 0.0)
+    """Orientation of a camera or board in the flange's frame, as rotation vector."""
 
 
 class PosePlanLimits(Strict):
@@ -83,6 +98,8 @@ class PosePlanRequest(Strict):
     """A file of cell/instruments, or a path."""
     seats: Annotated[tuple[SeatEntry, ...], Field(min_length=1)]
     """Placements of the instrument."""
+    board: PlannedBoard | None = None
+    """Board that the pictures of a camera show."""
     targets: Annotated[tuple[TargetEntry, ...], Field(min_length=1)]
     """Targets on the flange. The predicted TCP error is that of the first."""
     distances: tuple[KnownDistances, ...] = ()

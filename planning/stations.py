@@ -7,22 +7,24 @@ them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.board import load_board
 from ballbar.cell.chain import Chain, Frames, forward
 from ballbar.cell.descriptions import Robot
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import nominal_chain
-from ballbar.cell.instruments.base import Instrument
+from ballbar.cell.instruments.base import Instrument, TrueStand, View
 from ballbar.cell.load import load_instrument, load_robot
 from ballbar.cell.placement import Placement, target_frames
 from ballbar.cell.pose_file import known_distances
 from ballbar.cell.poses import KnownDistance
 from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.cell.rotation import matrix_from_rotvec
 from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.planning.pose_request import PosePlanRequest, SeatEntry, TargetEntry
 from ballbar.planning.workspace import check_axes, workspace_grid
@@ -48,6 +50,8 @@ class Station:
     point: Array  # (3,) [m] of the target, flange frame
     seat_aim: Aim | None  # base frame
     target_aim: Aim | None  # flange frame
+    seat_rotation: Array = field(default_factory=lambda: np.eye(3))  # (3, 3) base frame
+    target_rotation: Array = field(default_factory=lambda: np.eye(3))  # (3, 3) flange frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +85,15 @@ def setup_of(request: PosePlanRequest, *, relative_to: Path) -> PoseSetup:
     """
     robot = load_robot(request.robot, relative_to=relative_to)
     instrument = load_instrument(request.instrument, relative_to=relative_to)
+    if (instrument.camera is None) != (request.board is None):
+        raise InputError(
+            f"{request.name}: state board of a camera, and of no other instrument; instrument is "
+            f"{instrument.name}."
+        )
+    if (stated := request.board) is not None:
+        board = load_board(relative_to / stated.file)
+        tilt = float(np.radians(stated.tilt_max_deg))
+        instrument = replace(instrument, view=View(board, stated.camera == "flange", tilt))
     lower, upper = _axis_box(request, robot)
     limits, stroke = request.limits, instrument.upper - instrument.lower
     margin = limits.stroke_margin_share * stroke if instrument.kind.local else 0.0
@@ -97,6 +110,8 @@ def setup_of(request: PosePlanRequest, *, relative_to: Path) -> PoseSetup:
                 point=np.array(target.position_m),
                 seat_aim=_aim(seat),
                 target_aim=_aim(target),
+                seat_rotation=_rotation(seat),
+                target_rotation=_rotation(target),
             )
             for seat in request.seats
             for target in request.targets
@@ -115,7 +130,14 @@ def setup_of(request: PosePlanRequest, *, relative_to: Path) -> PoseSetup:
 def station_frames(setup: PoseSetup, station: Station, axes: Array) -> Frames:
     """Nominal frames at axis angles (N, J) [rad]; the last is that of the target."""
     flange = forward(setup.chain, controller_to_joints(setup.robot, axes))
-    return target_frames(flange, Placement(np.eye(3), station.point))
+    return target_frames(flange, Placement(station.target_rotation, station.point))
+
+
+def nominal_stand(station: Station, frames: Frames) -> TrueStand:
+    """Targets in the frame of the seat; frames : as of `station_frames`."""
+    rod, seat = frames.tip - station.origin[:, None], station.seat_rotation
+    turn = np.einsum("ji,jkn->ikn", seat, frames.rotation())
+    return TrueStand(seat.T @ rod, np.linalg.norm(rod, axis=0), turn)
 
 
 def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:
@@ -141,6 +163,10 @@ def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:
             "axis_lower_deg and axis_upper_deg, or reduce axis_margin_deg."
         )
     return lower, upper
+
+
+def _rotation(part: SeatEntry | TargetEntry) -> Array:
+    return matrix_from_rotvec(np.array(part.rotvec_rad)[:, None])[:, :, 0]
 
 
 def _aim(part: SeatEntry | TargetEntry) -> Aim | None:

@@ -18,6 +18,7 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.numerical_inverse import reach_points
 from ballbar.cell.robot_angles import controller_to_joints
+from ballbar.sim.instrument_readings import stand_of
 from ballbar.sim.settings import PosesSettings
 from ballbar.sim.true_robot import TrueArm
 from ballbar.sim.truth import TruePlace
@@ -139,6 +140,7 @@ class _Draw:
             down = flange.tip[2] - place[:, 2]
             stylus = max(float(np.linalg.norm(target.position)), 1e-9)
             good &= down / stylus >= np.cos(np.deg2rad(settings.tilt_max_deg)) - 1e-9
+            good &= self.instrument.visible(stand_of(self.arm, q, target, self.seat.still(len(q))))
         return np.asarray(good)
 
 

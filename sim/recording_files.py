@@ -17,6 +17,7 @@ from ballbar.cell.dialect import Dialect, load_dialect
 from ballbar.cell.files import beside, write_whole, write_yaml
 from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.temperature import Temperatures
+from ballbar.sim.corners import image_name, write_pictures
 from ballbar.sim.logging.clocks import BAR_EPOCH_NS, LoggedRows
 from ballbar.sim.logging.encoders import motor_angles, read_counts
 from ballbar.sim.logging.load_logs import motor_torques, sensor_rows, tracker_rows
@@ -270,7 +271,10 @@ def write_poses(simulation: PoseSimulation, settings: SimulationSettings, folder
     axes = [f"A{k + 1} [deg]" for k in range(simulation.robot.joints)]
     points = [f"{point.name}_{axis} [mm]" for point in stated.reference for axis in "xyz"]
     table: dict[str, object] = {"files": [TABLE], "joints": {"columns": axes, "unit": "deg"}}
-    if names:
+    if stated.pictures is not None:
+        table["pictures"] = write_pictures(stated.pictures, simulation.rows.values, folder)
+        names = ()
+    elif names:
         values: dict[str, object] = {"columns": list(names)}
         values |= {"unit": "mm"} if "m" in kind.units else {}
         values |= {"rotation": "rotvec"} if kind.target_turns else {}
@@ -294,7 +298,8 @@ def write_poses(simulation: PoseSimulation, settings: SimulationSettings, folder
     seats = [place.name for place in stated.seats]
     if simulation.instrument.distance is not None and len(seats) == 2:
         content["distances"] = [{"pairs": [seats]}]
-    head = ("time [s]", "seat", "target", *axes, *names, *points)
+    image = ("image",) if stated.pictures is not None else ()
+    head = ("time [s]", "seat", "target", *axes, *names, *points, *image)
     write_whole(folder / TABLE, _table(simulation, head, names).encode())
     simulation.truth.write(truth_path(folder))
     write_yaml(folder / "poses.yaml", content)
@@ -303,11 +308,14 @@ def write_poses(simulation: PoseSimulation, settings: SimulationSettings, folder
 def _table(simulation: PoseSimulation, head: tuple[str, ...], names: tuple[str, ...]) -> str:
     """The rows as text, below a head; names : of the instrument's columns."""
     rows, lines = simulation.rows, [",".join(head)]
-    values = rows.values * [1e3 if "mm" in name else 1.0 for name in names]
+    pictured = rows.values.ndim == 3
+    values = rows.values[:, : len(names)].reshape(len(rows.time), -1)
+    values = values * [1e3 if "mm" in name else 1.0 for name in names]
     values = np.hstack((values, rows.reference.reshape(len(values), -1) * 1e3))
     axes = np.rad2deg(rows.axes)
     for k, (seat, target) in enumerate(zip(rows.seat, rows.target, strict=True)):
         angles = [f"{angle:.10f}" for angle in axes[k]]  # 2e-12 rad
         read = ["" if np.isnan(value) else f"{value:.8f}" for value in values[k]]
-        lines.append(",".join((f"{rows.time[k]:.3f}", seat, target, *angles, *read)))
+        image = (image_name(k),) if pictured else ()
+        lines.append(",".join((f"{rows.time[k]:.3f}", seat, target, *angles, *read, *image)))
     return "\n".join(lines) + "\n"

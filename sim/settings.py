@@ -236,6 +236,25 @@ class PlacementSettings(Strict):
     """Orientation, as rotation vector; only where it is measured."""
 
 
+class PictureSettings(Strict):
+    """A camera sees a board; the seat and the target are it and the board.
+
+    Poses are those at which a picture has the whole board.
+    """
+
+    camera: Literal["cell", "flange"] = "cell"
+    """Where the camera stands: in the cell, with the board on the flange, or on the flange."""
+    squares_x: Annotated[int, Field(ge=3, le=200)] = 9
+    squares_y: Annotated[int, Field(ge=3, le=200)] = 7
+    square_m: Annotated[float, Field(gt=0.0)] = 0.025
+    sigma_m: Annotated[float, Field(gt=0.0)] = 5.0e-5
+    """Sigma of its measurement. Assumed: a row of 200 mm to 0.4 mm."""
+    lens_scale: NotNegative = 0.3
+    """How far the true lens is from the camera's file, in its standard deviations."""
+    tilt_max_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 60.0
+    """Largest angle between the line of sight and the board's normal."""
+
+
 class PosesSettings(Strict):
     """The poses at which the robot stands, drawn at random within what robot and instrument reach.
 
@@ -253,6 +272,8 @@ class PosesSettings(Strict):
     """Placements of the instrument in the robot's base frame."""
     targets: Annotated[tuple[PlacementSettings, ...], Field(min_length=1)]
     """Balls or reflectors in the flange's frame."""
+    pictures: PictureSettings | None = None
+    """Pictures of a camera."""
     reference: tuple[PlacementSettings, ...] = ()
     """Three or more fixed points in the robot's base frame, which a tracker reads at each pose."""
     axis_lower_deg: tuple[float, ...] | None = None
@@ -278,15 +299,16 @@ class PosesSettings(Strict):
         return self
 
 
-def _errors(*parts: type[Strict], but: str = "") -> tuple[str, ...]:
-    """Keys of the error sources of some parts, but one."""
-    return tuple(f"errors.{name}" for part in parts for name in part.model_fields if name != but)
+def _errors(*parts: type[Strict], but: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Keys of the error sources of some parts, but a few."""
+    names = (name for part in parts for name in part.model_fields)
+    return tuple(f"errors.{name}" for name in names if name not in but)
 
 
 # Keys that belong to one kind of scenario: each with what it needs (`refuse_keys`).
 OF_BALLBAR = (
     *("encoders", "clocks.overrun_probability", "logs.force_sensor", "logs.ballbar"),
-    *_errors(sensor_errors.SensorErrors, SampleErrors, but="resolver_error"),
+    *_errors(sensor_errors.SensorErrors, SampleErrors, but=("resolver_error",)),
     *("errors.ballbar_axes", "errors.base_tilt", "errors.rod_strain", "errors.rod_backlash"),
     *("errors.bar_friction", "errors.base_compliance", "errors.outliers", "cell.ballbar_set"),
 )
@@ -295,7 +317,7 @@ OF_PATH = (
     *("cell.ballbar", "cell.plate", "cell.ballbar_position_m", "cell.ballbar_set"),
     *("encoders", "length", "clocks", "logs", "recording"),
     *("plant.timestep_s", "plant.servo", "plant.gravity_compensation", "plant.typical_spread"),
-    *_errors(CellErrors, PlantErrors, but="joint_compliance"),
+    *_errors(CellErrors, PlantErrors, but=("joint_compliance", "gear_backlash")),
     *_errors(sensor_errors.SensorErrors, SampleErrors),
     *("errors.joint_lag", "errors.outliers.robot_probability"),
     *("errors.outliers.ballbar_probability", "errors.outliers.size_rad"),

@@ -5,7 +5,7 @@ poses chosen -> true arm (or MuJoCo with rod or wire) -> readings -> faults -> r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,6 +20,7 @@ from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.load import load_instrument, load_robot
 from ballbar.cell.numerical_inverse import reach_points
 from ballbar.cell.temperature import temperature_of
+from ballbar.sim.corners import pictured, view_of
 from ballbar.sim.instrument_readings import (
     logged_axes,
     measured,
@@ -47,7 +48,8 @@ class SimulatedRows:
     seat: tuple[str, ...]
     target: tuple[str, ...]
     axes: Array  # (N, J) [rad] as the controller shows them
-    values: Array  # (N, M) [m, rad], M as the kind's `columns`
+    # (N, M) [m, rad], M as the kind's `columns`; of pictures (N, C, 2) [px] of the board's corners
+    values: Array
     reference: Array  # (N, K, 3) [m] reference points; NaN where they were not read
 
 
@@ -79,6 +81,13 @@ def simulate_poses(settings: SimulationSettings, *, relative_to: Path) -> PoseSi
     errors, seed, stated = settings.errors, settings.seed, settings.needed_poses
     robot = load_robot(settings.cell.robot, relative_to=relative_to)
     instrument = load_instrument(settings.cell.measured_by, relative_to=relative_to)
+    if (instrument.camera is None) != (stated.pictures is None):
+        raise InputError(
+            f"poses.pictures: state it of a camera, and of no other instrument than one; "
+            f"cell.instrument is {instrument.name}."
+        )
+    if stated.pictures is not None:
+        instrument = replace(instrument, view=view_of(stated.pictures))
     arm = true_arm(robot, errors, seed, warmth=temperature_of([settings.cell], robot=True))
     kind, sentence = _plant(settings, robot, instrument)
     if stated.reference and instrument.kind.names[:3] != ("x", "y", "z"):
@@ -200,7 +209,7 @@ class _Measurement:
     ) -> tuple[Array, Array, tuple[float, float] | None]:
         """Shown angles (K, J) [rad], values (K, M), and least and largest force [N] of all stands.
 
-        wrong : (K, 3) [m] outliers.
+        Of a camera the values are pixels (K, C, 2). wrong : (K, 3) [m] outliers.
         """
         instrument, plant, scale = self.instrument, self.settings.plant, self._noise_scale
         noise = stream(self.settings.seed, "instrument_noise")
@@ -224,12 +233,16 @@ class _Measurement:
                 )
                 forces.append(force)
             exact = stand_of(self.arm, q, target, seat, sag)
+            shown.append(q)
+            if instrument.view is not None:
+                moved = replace(exact, rod=exact.rod + fault.T)
+                values.append(pictured(instrument, moved, self.settings, noise))
+                continue
             read = measured(instrument, exact, scale=scale, rng=noise)
             width = min(3, read.shape[1])
             angles = [unit == "rad" for unit in instrument.kind.units[:width]]
             turned = fault[:, :width] / exact.distance[:, None]
             read[:, :width] += np.where(angles, turned, fault[:, :width])
-            shown.append(q)
             values.append(read)
         span = None
         if forces:
@@ -280,6 +293,7 @@ class _Measurement:
     ) -> PoseTruth:
         """The truth; wrong, too_early : lines of the table, from 0."""
         arm, stiffness = self.arm, self.arm.effects.gear_stiffness
+        play = arm.effects.gear_backlash
         content = {
             "schema": "ballbar-poses-truth/1",
             "seed": self.settings.seed,
@@ -288,6 +302,7 @@ class _Measurement:
             "joint_harmonics": tuple(RippleTruth.of(ripple) for ripple in arm.effects.ripples),
             "unit_weights_rad_per_m": tuple(map(tuple, arm.weights.tolist())),
             "gear_stiffness_N_m_per_rad": None if stiffness is None else tuple(stiffness.tolist()),
+            "gear_backlash_half_width_rad": tuple(play.tolist()) if play.any() else None,
             "seats": self.seats,
             "targets": self.targets,
             "drift": self.drift,

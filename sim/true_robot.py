@@ -34,7 +34,13 @@ from ballbar.cell.temperature import Temperature
 from ballbar.cell.typical_machine import Spread, motor_turns, with_typical
 from ballbar.sim.errors.sensor_effects import ResolverEffects, resolver_effects
 from ballbar.sim.errors.static_errors import grown, true_geometry
-from ballbar.sim.plant.effects import PlantEffects, Ripple, plant_effects, plugin_ripples
+from ballbar.sim.plant.effects import (
+    BACKLASH_IS_HELD,
+    PlantEffects,
+    Ripple,
+    plant_effects,
+    plugin_ripples,
+)
 from ballbar.sim.settings import CellSettings, ErrorSettings, SimulationSettings
 from ballbar.sim.streams import stream
 
@@ -123,24 +129,36 @@ class TrueArm:
     chain: Chain  # true DH rows
     effects: PlantEffects  # harmonics and stiffness of the gears
     weights: Array  # (J, J) [rad/m] yield of joint j under a unit weight at frame k + 1
+    in_order: bool = True  # whether poses come one after the other; else play that none presses
+    # counts in the middle
 
     def rotors(self, q: Array) -> Array:
         """(N, J) [rad] outputs of the gears without load, at shown angles q (N, J) [rad]."""
         return self.effects.gear_outputs(q @ self.robot.joint_to_gear)
 
     def joints(self, q: Array) -> Array:
-        """(N, J) [rad] actual joint angles under the arm's own weight, at shown angles q (N, J)."""
+        """(N, J) [rad] actual joint angles under the arm's own weight, at shown angles q (N, J).
+
+        Of a gear with backlash the weight tells on which flank it lies, and where friction holds
+        it from where the joint came; poses are in the order of time.
+        """
         rotors, robot, stiffness = self.rotors(q), self.robot, self.effects.gear_stiffness
         actual = rotors @ robot.gear_to_joint
+        play = self.effects.gear_backlash
         if stiffness is None and not self.weights.any():
             return np.asarray(actual)
+        came = np.sign(np.diff(rotors, axis=0, prepend=rotors[:1])) * self.in_order
         for _ in range(_ROUNDS):
             frames = forward(self.chain, actual)
             yielded = np.zeros_like(rotors)
             if stiffness is not None:
                 bodies = [[link] for link in link_bodies(robot)]
                 load = joint_torques(frames, bodies, actual, gravity=robot.gravity)
-                yielded -= load.T @ robot.gear_to_joint.T / stiffness
+                load = load.T @ robot.gear_to_joint.T
+                yielded -= load / stiffness
+                if play.any():
+                    held = np.abs(load) < robot.required("gears").coulomb
+                    yielded -= play * np.where(held, came, np.sign(load))
             yielded += self._yield_to_unit_weights(frames)
             actual = (rotors + yielded) @ robot.gear_to_joint
         return np.asarray(actual)
@@ -173,16 +191,40 @@ def true_arm(
     Raises InputError for harmonics of an axis that the robot does not have, and for elastic gears
     where the robot's file has no masses or no gears.
     """
-    stiffness = None
-    if (compliance := errors.joint_compliance) is not None:
-        robot.required("links")
-        spread = stream(seed, "pose_joint_compliance").standard_normal(robot.joints)
-        catalogue = robot.required("gears").stiffness * compliance.scale
-        stiffness = catalogue * np.exp(compliance.spread * spread)
     weights = np.zeros((robot.joints, robot.joints))
     if errors.unit_weights is not None:
         drawn = np.abs(stream(seed, "unit_weights").standard_normal(weights.shape))
         weights = np.triu(drawn) * errors.unit_weights.sigma_rad_per_m
+    stiffness, play = _gears(robot, errors, seed)
+    effects = PlantEffects(
+        gear_stiffness=stiffness, gear_backlash=play, ripples=_harmonics(robot, errors, seed)
+    )
+    rows = _rows(robot, errors, seed)
+    if warmth is not None and robot.expansion is not None:
+        growth, _ = warmth.growth(robot.expansion)
+        rows |= {kind: (1.0 + growth) * rows[kind] for kind in ("a", "d")}
+    return TrueArm(robot, Chain(**rows), effects, weights)
+
+
+def _gears(robot: Robot, errors: ErrorSettings, seed: int) -> tuple[Array | None, Array]:
+    """Stiffness (J,) [N m/rad], None of rigid gears, and half of the play (J,) [rad] of gears."""
+    play = np.zeros(robot.joints)
+    if (compliance := errors.joint_compliance) is None:
+        if errors.gear_backlash is not None:
+            raise InputError(BACKLASH_IS_HELD)
+        return None, play
+    robot.required("links")
+    gears = robot.required("gears")
+    spread = stream(seed, "pose_joint_compliance").standard_normal(robot.joints)
+    stiffness = gears.stiffness * compliance.scale * np.exp(compliance.spread * spread)
+    if (gap := errors.gear_backlash) is not None:
+        spread = stream(seed, "pose_backlash").standard_normal(robot.joints)
+        play = 0.5 * gears.lost_motion * gap.scale * np.exp(gap.spread * spread)
+    return stiffness, play
+
+
+def _rows(robot: Robot, errors: ErrorSettings, seed: int) -> dict[str, Array]:
+    """DH rows with their drawn errors."""
     rows = {kind: np.zeros(robot.joints) for kind in KINDS}
     for kind in ("a", "d", "alpha", "theta"):
         rows[kind] += getattr(robot, kind)
@@ -193,11 +235,9 @@ def true_arm(
         for kind, z in zip(KINDS, deviations, strict=True):
             sigma = sizes.sigma_m if kind in ("a", "d") else sizes.sigma_rad
             rows[kind] += sigma * z * (parallel if kind == "beta" else True)
-    if warmth is not None and robot.expansion is not None:
-        growth, _ = warmth.growth(robot.expansion)
-        rows |= {kind: (1.0 + growth) * rows[kind] for kind in ("a", "d")}
-    effects = PlantEffects(gear_stiffness=stiffness, ripples=_harmonics(robot, errors, seed))
-    return TrueArm(robot, Chain(**rows), effects, weights)
+    if (zeros := errors.joint_zeros) is not None:
+        rows["theta"] += zeros.sigma_rad * stream(seed, "joint_zeros").standard_normal(robot.joints)
+    return rows
 
 
 def _harmonics(robot: Robot, errors: ErrorSettings, seed: int) -> tuple[Ripple, ...]:

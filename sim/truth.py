@@ -244,6 +244,10 @@ class TruePlace(Strict):
         """(3, 3)"""
         return matrix_from_rotvec(np.array(self.rotvec_rad)[:, None])[:, :, 0]
 
+    def still(self, count: int) -> tuple[Array, Array]:
+        """Origin (3, N) and rotation (3, 3, N), N times."""
+        return np.tile(self.position[:, None], count), np.tile(self.rotation[..., None], count)
+
 
 class SeatMotion(Strict):
     """How the seats move against the robot's base from the first pose to the last.
@@ -286,6 +290,7 @@ class PoseTruth(Strict):
     joint_harmonics: tuple[RippleTruth, ...]
     unit_weights_rad_per_m: tuple[Vector, ...]
     gear_stiffness_N_m_per_rad: Vector | None
+    gear_backlash_half_width_rad: Vector | None = None
     seats: dict[str, TruePlace]
     targets: dict[str, TruePlace]
     drift: SeatMotion
@@ -295,8 +300,8 @@ class PoseTruth(Strict):
     force_N: tuple[float, float] | None
 
     def arm(self, robot: Robot) -> TrueArm:
-        """The true arm. robot : nominal."""
-        stiffness = self.gear_stiffness_N_m_per_rad
+        """The true arm, at poses in any order. robot : nominal."""
+        stiffness, play = self.gear_stiffness_N_m_per_rad, self.gear_backlash_half_width_rad
         ripples = tuple(
             Ripple(r.axis - 1, r.cycles_per_turn, r.amplitude_rad, r.phase_rad)
             for r in self.joint_harmonics
@@ -305,9 +310,12 @@ class PoseTruth(Strict):
             robot=robot,
             chain=Chain(*(np.array(getattr(self.dh, kind)) for kind in KINDS)),
             effects=PlantEffects(
-                gear_stiffness=None if stiffness is None else np.array(stiffness), ripples=ripples
+                gear_stiffness=None if stiffness is None else np.array(stiffness),
+                gear_backlash=np.array(play or [0.0] * robot.joints),
+                ripples=ripples,
             ),
             weights=np.array(self.unit_weights_rad_per_m),
+            in_order=False,
         )
 
     @property

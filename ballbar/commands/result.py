@@ -77,15 +77,17 @@ def export(
     ur10-identified.urdf`
 
     --to FORMAT : Robot model (urdf, mjcf), table (dh; mdh: Craig's DH; hayati; poe: screw axes),
-        RAPID data (abb), kinematics of ur_description (ur-kinematics), everything (json), or the
-        format of a plug-in.
+        RAPID data (abb), kinematics of ur_description (ur-kinematics), poses of camera and board
+        (hand-eye), everything (json), or the format of a plug-in.
     --into FILE : URDF or xacro of the robot: written again with the identified joint origins, all
-        else as it is.
+        else as it is. Or joint offsets alone, the best that these can do: LeRobot's calibration
+        (.json), robot_calibration's offsets (.yaml).
     --joints NAME,NAME : Turning joints of FILE from base to tip, if it has more than the robot.
     --out FILE : New file. Default: print to the terminal.
     """
     from ballbar.export.formats import export_summary, exported
     from ballbar.export.into_urdf import changed_lines, into_file
+    from ballbar.export.joint_offsets import OFFSET_FILES, offsets_into
     from ballbar.export.result import load_result
 
     if (to is None) == (into is None):
@@ -96,8 +98,11 @@ def export(
     lines: list[str] = []
     if into is not None:
         names = [name.strip() for name in joints.split(",") if name.strip()]
-        changed = into_file(robot, into, names)
-        content, lines = changed.content, changed_lines(changed, robot)
+        if into.suffix in OFFSET_FILES:
+            content, lines = offsets_into(robot, into, names)
+        else:
+            changed = into_file(robot, into, names)
+            content, lines = changed.content, changed_lines(changed, robot)
     else:
         assert to is not None  # one of the two is given
         content = exported(robot, to).encode()

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ballbar.cell.plugins import PluginTable
+from ballbar.export.hand_eye import hand_eye
 from ballbar.export.models import mjcf, urdf
 from ballbar.export.rapid import rapid_module
 from ballbar.export.result import Result
@@ -78,6 +79,7 @@ FORMATS = PluginTable(
         "poe": poe_table,
         "abb": rapid_module,
         "ur-kinematics": ur_kinematics,
+        "hand-eye": hand_eye,
         "json": json_text,
     },
 )

@@ -139,6 +139,7 @@ class PlacementEntry(Strict):
     position_m: Annotated[Three, From("placement.origin")]
     position_sigma_m: Annotated[Three, From("sigma")]
     rotation_vector_rad: Three | None = None  # None for a point
+    rotation_sigma_rad: Three | None = None  # about each axis; None of an older file too
 
     @property
     def turned(self) -> bool:

@@ -232,7 +232,10 @@ def _placements(estimates: dict[str, PlacementEstimate]) -> dict[str, PlacementE
     for name, estimate in estimates.items():
         turn = rotvec_from_matrix(estimate.placement.rotation[:, :, None])[:, 0].tolist()
         rotation = tuple(turn) if estimate.whole else None
-        entries[name] = _entry(PlacementEntry, estimate, rotation_vector_rad=rotation)
+        sigma = tuple(estimate.turn_sigma.tolist()) if estimate.whole else None
+        entries[name] = _entry(
+            PlacementEntry, estimate, rotation_vector_rad=rotation, rotation_sigma_rad=sigma
+        )
     return entries
 
 

@@ -14,12 +14,17 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.board import Board
 from ballbar.cell.camera import Camera
 from ballbar.cell.chain import cross
 from ballbar.cell.placement import Placement
 from ballbar.cell.rotation import matrix_from_rotvec
+
+_MARGIN = 0.02  # of a picture, at its edges, where no corner shall be
+_SMALLEST = 0.15  # of a picture's width, that a board shall be wide
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +80,37 @@ class TrueStand:
     rod: Array  # (3, N) [m] from the seat to the target
     distance: Array  # (N,) [m] length of the rod
     rotation: Array  # (3, 3, N) orientation of the target
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A flat board that a camera sees, and from which side of it."""
+
+    board: Board
+    carried: bool  # whether the camera is on the flange, and the board in the cell
+    tilt: float = np.deg2rad(60.0)  # [rad] largest angle between line of sight and normal
+
+    def corners(self, stand: TrueStand, points: Array) -> Array:
+        """(N, C, 3) [m] points (C, 3) of the board in the frame of the camera."""
+        turn, shift = stand.rotation.transpose(2, 0, 1), stand.rod.T[:, None]
+        if self.carried:
+            return np.asarray((points - shift) @ turn)
+        return np.asarray(points @ turn.transpose(0, 2, 1) + shift)
+
+    def seen(self, camera: Camera, stand: TrueStand) -> NDArray[np.bool_]:
+        """(N,) whether a picture has the whole board, not tilted too far, nor too small to find."""
+        flat = np.column_stack((self.board.points, np.zeros(len(self.board.points))))
+        points = self.corners(stand, flat)
+        pixels = camera.lens.image(points)[0]
+        size, margin = np.array(camera.image) - 1.0, _MARGIN * np.array(camera.image)
+        inside = ((pixels > margin) & (pixels < size - margin)).all(axis=(1, 2))
+        middle = points.mean(axis=1)
+        normal = stand.rotation[2] if self.carried else stand.rotation[:, 2]
+        facing = np.einsum("ni,in->n", middle, normal) / np.linalg.norm(middle, axis=1)
+        large = np.ptp(pixels, axis=1).max(axis=1) > _SMALLEST * camera.image[0]
+        return np.asarray(
+            inside & large & (points[..., 2].min(axis=1) > 0.0) & (facing > np.cos(self.tilt))
+        )
 
 
 class Kind(ABC):
@@ -171,6 +207,7 @@ class Instrument:
     distance: tuple[float, float] | None  # [m] between two seats, and its sigma
     mass: float  # [kg] of a rod from seat to target
     camera: Camera | None = None  # whose pictures of a board tell its pose
+    view: View | None = None  # the board that its pictures are of, where it is known
 
     @property
     def follows(self) -> bool:
@@ -187,6 +224,12 @@ class Instrument:
         columns of a socket.
         """
         return self.kind.sigma(values, self)
+
+    def visible(self, stand: TrueStand) -> NDArray[np.bool_]:
+        """(N,) whether it sees targets as they stand; without a board, all of them."""
+        if self.view is None or self.camera is None:
+            return np.ones(stand.distance.size, dtype=bool)
+        return self.view.seen(self.camera, stand)
 
 
 def across(along: Array) -> Array:

@@ -28,7 +28,7 @@ from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.ident.estimator.samples import Samples
 from ballbar.ident.estimator.target_closure import TargetClosure, close_on_target
 from ballbar.ident.estimator.unknowns import Unknowns
-from ballbar.ident.loads.at_rest import state_at_rest, state_in_motion
+from ballbar.ident.loads.at_rest import state_in_motion, state_in_order
 from ballbar.ident.loads.gear_loads import MassModel
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class StillPoses:
         self, masses: MassModel | None, geometry: Geometry, to_gear: Array, width: Array
     ) -> State:
         """State of the robot for the regressors; arguments as of `state_at_rest`."""
-        return state_at_rest(masses, geometry, self.group.q, to_gear, width)
+        return state_in_order(masses, geometry, self.group.q, to_gear, width)
 
     def bar_angles(self, geometry: Geometry, q: Array, ballbar: Array) -> Array:
         """(N, 5) zeros: no ball-bar holds the tool."""

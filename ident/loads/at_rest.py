@@ -16,6 +16,7 @@ from ballbar.ident.corrections.base import Channel, Correction, State, backlash_
 from ballbar.ident.loads.gear_loads import (
     BEARINGS,
     MassModel,
+    arm_mass,
     link_masses,
     mass_model,
     no_loads,
@@ -26,12 +27,16 @@ from ballbar.ident.loads.gear_loads import (
 UNDECIDED, UNDECIDED_WRIST = 3.0, 0.15
 
 
-def backlash_flanks(load: Array) -> Array:
+SMALL = 10.0  # [kg] of an arm whose joints have less friction: of like arms as mass^(4/3)
+
+
+def backlash_flanks(load: Array, mass: float = SMALL) -> Array:
     """(J, N) flank, -1, 0 or 1, on which gears at rest lie under a load (J, N) [N m].
 
-    0 where the load hardly decides.
+    0 where the load hardly decides. mass : [kg] of the arm without its base.
     """
     undecided = by_axis(len(load), main=UNDECIDED, wrist=UNDECIDED_WRIST)
+    undecided = undecided * min(1.0, mass / SMALL) ** (4.0 / 3.0)
     return np.where(np.abs(load) < undecided[:, None], 0.0, np.sign(load))
 
 
@@ -57,6 +62,19 @@ def regressors_at_rest(
             yield coefficient.channel, regressor
 
 
+def state_in_order(
+    masses: MassModel | None, geometry: Geometry, q: Array, to_gear: Array, width: Array
+) -> State:
+    """State at rest at poses one after the other; arguments as of `state_at_rest`.
+
+    Where the load does not decide, friction keeps a gear on the flank from which its joint came.
+    """
+    state = state_at_rest(masses, geometry, q, to_gear, width)
+    came = np.sign(np.diff(state.gears, axis=1, prepend=state.gears[:, :1]))
+    flanks = state.load_sign()
+    return replace(state, flanks=np.where(flanks == 0.0, came, flanks))
+
+
 def state_at_rest(
     masses: MassModel | None, geometry: Geometry, q: Array, to_gear: Array, width: Array
 ) -> State:
@@ -78,7 +96,7 @@ def state_at_rest(
         width=width,
         gear_speed=still,
         gear_acceleration=still,
-        flanks=backlash_flanks(weight.gear),
+        flanks=backlash_flanks(weight.gear, SMALL if masses is None else arm_mass(masses)),
     )
 
 

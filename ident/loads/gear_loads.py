@@ -97,6 +97,11 @@ def mass_model(cell: Cell) -> MassModel:
     )
 
 
+def arm_mass(masses: MassModel) -> float:
+    """[kg] of the arm without its base."""
+    return sum(link.mass for links in masses.arm for link in links)
+
+
 def link_masses(robot: Robot) -> MassModel:
     """The links of a robot alone, whatever it carries. Raises InputError where it states none."""
     links = [[link] for link in link_bodies(robot)]

@@ -25,6 +25,13 @@ class GeometryErrors(Strict):
     """Sigma of angles. Assumed."""
 
 
+class JointZeros(Strict):
+    """The zeros of the joints were set by eye."""
+
+    sigma_rad: NotNegative = 0.03
+    """Sigma of each. Assumed."""
+
+
 class JointHarmonic(Strict):
     """An error of one gear: amplitude * sin(order * angle + phase), the phase drawn."""
 
@@ -86,6 +93,7 @@ class ArmErrors(Strict):
     """Error sources of an arm at still poses; each is absent unless named."""
 
     geometry: GeometryErrors | None = None
+    joint_zeros: JointZeros | None = None
     joint_harmonics: tuple[JointHarmonic, ...] = ()
     drawn_harmonics: DrawnHarmonics | None = None
     unit_weights: UnitWeights | None = None

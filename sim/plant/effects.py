@@ -26,6 +26,10 @@ RIGID_ROD = (
 # Harmonics of the cusped wave; the others amount to 11 % of the peak at the cusp, 4 % at 25 deg,
 # 2 % at 60 deg and 1.5 % further away.
 CUSP_TERMS = 4
+BACKLASH_IS_HELD = (
+    "errors.gear_backlash: needs joint_compliance beside it, since a rigid gear with backlash has "
+    "no equilibrium. Add joint_compliance: {}, or leave gear_backlash out."
+)
 _ROUNDS = 4  # of the gears' harmonics; each gains three digits
 UNLISTED_ORDERS = range(3, 39)  # cycles per turn of the output; between those of the files
 
@@ -146,10 +150,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
     Raises InputError for backlash in rigid gears.
     """
     if errors.gear_backlash is not None and errors.joint_compliance is None:
-        raise InputError(
-            "errors.gear_backlash: needs joint_compliance beside it, since a rigid gear with "
-            "backlash has no equilibrium. Add joint_compliance: {}, or leave gear_backlash out."
-        )
+        raise InputError(BACKLASH_IS_HELD)
     robot, bar = cell.robot, cell.ballbar
     stiffness, dead_band, hysteresis = None, np.zeros(robot.joints), np.zeros(robot.joints)
     if (compliance := errors.joint_compliance) is not None:

@@ -23,9 +23,9 @@ from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from tests.helpers.published_urdf import PUBLISHED, tip_pose
 from tests.helpers.real_robots import DATA
 
-MASSES = {"irb2400", "nj220"}
+MASSES = {"irb2400", "nj220", "so101"}
 # Rows whose axis is parallel to the next one, from 1.
-PARALLEL = {name: (2, 3) if name.startswith("ur") else (2,) for name in PUBLISHED}
+PARALLEL = {name: (2, 3) if name.startswith(("ur", "so101")) else (2,) for name in PUBLISHED}
 PARALLEL |= {"panda": (), "iiwa14": ()}
 AXES = [f"joint_{number}" for number in range(1, 7)]
 POSITION, QUATERNION = ("ps_x", "ps_y", "ps_z"), ("os_x", "os_y", "os_z", "os_w")

@@ -52,7 +52,7 @@ def _number(text: str) -> float:
 
 
 AXES = {"x": X, "y": Y, "z": Z, "-x": MINUS_X, "-y": MINUS_Y, "-z": MINUS_Z, "fixed": None}
-ANGLES = {"pi": pi, "pi/2": pi / 2, "-pi/2": -pi / 2}
+ANGLES = {"pi": pi, "-pi": -pi, "pi/2": pi / 2, "-pi/2": -pi / 2}
 # Of UR's files offsets of 2e-11 m are left out; a quarter turn is printed as 1.570796327, and as
 # 1.5708 in that of the IRB 4400 (pi/2 here).
 PUBLISHED = {
@@ -146,6 +146,14 @@ PUBLISHED = {
         "panda_link0 to panda_link8",
         "0 0 0.333 z; 0 0 0 z -pi/2 0 0; 0 -0.316 0 z pi/2 0 0; 0.0825 0 0 z pi/2 0 0; "
         "-0.0825 0.384 0 z -pi/2 0 0; 0 0 0 z pi/2 0 0; 0.088 0 0 z pi/2 0 0; 0 0 0.107 fixed",
+    ),
+    "so101": _published(
+        "TheRobotStudio/SO-ARM100, Simulation/SO101/so101_new_calib.urdf, "
+        "0aee1d0f885a9643b91f544be1ef86d1200432c2",
+        "base, moved onto axis 1, to gripper, moved along its z to gripperframe",
+        "0 0 0.0948817 z -pi 0 pi/2; -0.0303992 -0.0182778 -0.0542 z -pi/2 -pi/2 0; "
+        "-0.11257 -0.028 0 z 0 0 pi/2; -0.1349 0.0052 0 z 0 0 -pi/2; "
+        "0 -0.0611 0.0181 z pi/2 0 pi; 0 0 -0.0981274 fixed",
     ),
     "iiwa14": _published(
         "lbr-stack/lbr_fri_ros2_stack, lbr_description/urdf/iiwa14/iiwa14_description.xacro, "

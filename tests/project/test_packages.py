@@ -23,7 +23,7 @@ ALLOWED = {
     "sim": {"cell", "sim"},
     "acquisition": {"cell", "acquisition"},
     "ident": {"cell", "ident"},
-    "planning": {"cell", "sim", "ident", "planning"},
+    "planning": {"cell", "sim", "acquisition", "ident", "planning"},
     "ballbar": set(PACKAGES),
 }
 FORBIDDEN = {
