@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -19,7 +19,9 @@ OfColumns = Annotated[
 ]
 OfEachTable = Annotated[list[str] | None, _POSES]
 _OF_COLUMNS = ("joints", "joint_unit", "values", "value_unit", "rotation", "angle_unit")
-_SHARED, _OF_POSES = ("robot", "instrument", *_OF_COLUMNS), ("seat", "target")
+_SHARED = "robot", "instrument", *_OF_COLUMNS
+_OF_POSES = "seat", "target", "corners", "board", "camera"
+OfPoses = Annotated[Text, _POSES]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +55,10 @@ class Answers:
     --seat NAME : Name of the instrument's placement: once for all files of poses, or for each in
         their order; else the files show it, or it is asked for.
     --target NAME : Name of the ball or reflector on the flange, once or for each file as well.
+    --corners FILE : Corners that a camera saw, as `ballbar camera detect` writes them: image,
+        corner, u, v; in place of columns of values.
+    --board FILE : Description of their board.
+    --camera : Where the camera is: in the cell, with the board on the flange, or on the flange.
     """
 
     robot: Text = None
@@ -83,6 +89,9 @@ class Answers:
     angle_unit: OfColumns = None
     seat: OfEachTable = None
     target: OfEachTable = None
+    corners: OfPoses = None
+    board: OfPoses = None
+    camera: Annotated[Literal["cell", "flange"] | None, _POSES] = None
 
     def refuse_others(self, *, poses: bool) -> None:
         """Raises InputError for options of logs beside still poses, and the other way round."""

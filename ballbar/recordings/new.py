@@ -78,6 +78,12 @@ def new_poses(
             shutil.copyfile(source, aside / file)
         for key in ("robot", "instrument"):
             _copy_inplace(aside, description, key, key)
+        if pictures := table.get("pictures"):
+            pictures["board"] = copied_description(aside, "board", Path(pictures["board"]))
+            corners = Path(pictures["corners"])
+            pictures["corners"] = f"{RAW}pictures/{corners.name}"
+            (aside / RAW / "pictures").mkdir(parents=True)
+            shutil.copyfile(corners, aside / pictures["corners"])
         unnamed: Sequence[Name | None] = files if len(files) > 1 else [None]
         places = zip(seats or unnamed, targets or unnamed, strict=True)
         text = _written(aside, description, table, dict(zip(files, places, strict=True)))

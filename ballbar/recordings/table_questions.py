@@ -147,6 +147,8 @@ def _values(
     table: _Table, robot: Robot, instrument: Instrument, joints: dict[str, Any]
 ) -> dict[str, Any]:
     """The values and sigma of a table; nothing of a socket."""
+    if instrument.camera is not None:
+        return {"pictures": _pictures(table)}
     kind, answers = instrument.kind, table.answers
     if not kind.columns:
         return {}
@@ -168,6 +170,34 @@ def _values(
         values["angle_unit"] = _angle_unit(table, of_unit["rad"])
     sigma = sigma_columns(table.columns, [str(column) for column in columns])
     return {"values": values, **({"sigma": {"columns": list(sigma)}} if sigma else {})}
+
+
+def _pictures(table: _Table) -> dict[str, Any]:
+    """The corners of pictures: files of them and of their board, and where the camera is."""
+    answers, known = table.answers, table.columns.names
+
+    def existing(reply: str) -> str:
+        if not Path(reply).is_file():
+            raise InputError(f"{reply}: there is no such file.")
+        return reply
+
+    def named(reply: str) -> str:
+        if reply not in known:
+            raise InputError(f"{reply}: no column has this name.")
+        return reply
+
+    question = "which file holds the corners (image, corner, u, v)?"
+    corners = table.answer(answers.corners, question, None, existing)
+    board = table.answer(answers.board, "which file describes the board?", None, existing)
+    image = named_column(table.columns, r"^(image|picture|photo)")
+    question = f"which column names the picture? Columns: {table.columns.words}."
+    place = "where is the camera, in the cell or on the flange? (cell or flange)"
+    return {
+        "corners": corners,
+        "image": table.answer(image, question, None, named),
+        "board": board,
+        "camera": table.answer(answers.camera, place, None, one_of("cell", "flange")),
+    }
 
 
 def _held(kind: Kind) -> str:

@@ -7,6 +7,7 @@ import pytest
 
 cv2 = pytest.importorskip("cv2")
 
+from ballbar.acquisition.pose_tables import import_poses  # noqa: E402
 from ballbar.camera.corner_files import CORNERS, SHEET, write_corners  # noqa: E402
 from ballbar.camera.detect import detect  # noqa: E402
 from ballbar.camera.print_board import write_board  # noqa: E402
@@ -17,6 +18,9 @@ from ballbar.cell.camera import Lens  # noqa: E402
 from ballbar.cell.errors import DescriptionError, InputError  # noqa: E402
 from ballbar.cell.placement import Placement  # noqa: E402
 from ballbar.sim.pictures import Exposure, draw  # noqa: E402
+from tests.helpers.command_line import ballbar, refusal  # noqa: E402
+from tests.helpers.pictures import draw as sighted  # noqa: E402
+from tests.helpers.pictures import write  # noqa: E402
 
 SIZE = (640, 480)
 LENS = Lens("brown", np.array([700.0, 705.0, 322.0, 236.0, -0.15, 0.05, 5e-4, -3e-4, 0.0]))
@@ -180,3 +184,23 @@ def test_a_dictionary_that_opencv_does_not_have_is_named() -> None:
     board = board_of("charuco").model_copy(update={"dictionary": "DICT_3X3_50"})
     with pytest.raises(DescriptionError, match="OpenCV has no DICT_3X3_50"):
         Pattern(board).charuco  # noqa: B018
+
+
+def test_a_folder_of_poses_is_made_from_corners_and_joint_angles(tmp_path: Path) -> None:
+    """By `ballbar new`; the poses are those of a poses.yaml written by hand."""
+    given = write(sighted(3, 12), tmp_path / "given")
+    made = tmp_path / "made"
+    options = ["--robot", "ur5e", "--instrument", "webcam_720p", "--joint-unit", "deg"]
+    files = ["--corners", given / "corners.csv", "--board", given / "board.yaml"]
+    ballbar("new", made, "--poses", given / "joints.csv", *files, "--camera", "cell", *options)
+    assert sorted(p.name for p in (made / "raw").rglob("*.csv")) == ["corners.csv", "joints.csv"]
+    one, other = (import_poses(folder).table.groups[0] for folder in (given, made))
+    assert np.array_equal(one.values, other.values)
+
+
+def test_without_corners_a_table_of_pictures_is_asked_for_them(tmp_path: Path) -> None:
+    given = write(sighted(3, 12), tmp_path / "given")
+    options = ["--robot", "ur5e", "--instrument", "webcam_720p", "--joint-unit", "deg"]
+    text = refusal("new", tmp_path / "made", "--poses", given / "joints.csv", *options)
+    assert "which file holds the corners" in text
+    assert not (tmp_path / "made").exists()
