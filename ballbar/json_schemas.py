@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from ballbar.cell.ballbar_files import BallBarFile, PlateFile
+from ballbar.cell.board import BoardFile
 from ballbar.cell.description_files import RobotFile
 from ballbar.cell.dialect import Dialect
 from ballbar.cell.extended_yaml import EXTENDS
@@ -43,6 +44,7 @@ KINDS: dict[str, type[BaseModel]] = {
     "ballbar": BallBarFile,
     "instrument": InstrumentFile,
     "plate": PlateFile,
+    "board": BoardFile,
     "dialect": Dialect,
     "recording": RecordingFile,
     "poses": PosesFile,

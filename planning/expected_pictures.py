@@ -51,10 +51,10 @@ def _bundle(instrument: Instrument, stand: TrueStand) -> Bundle:
     pixels = camera.lens.image(points)[0]
     return Bundle(
         Pictures(camera, view.board, pixels, rotation),
-        camera.lens.values,
-        shape,
-        rotation,
-        origin,
-        np.ones(pixels.shape[:2], dtype=bool),
-        camera.sigma,
+        lens=camera.lens.values,
+        shape=shape,
+        rotation=rotation,
+        origin=origin,
+        counting=np.ones(pixels.shape[:2], dtype=bool),
+        sigma=camera.sigma,
     )

@@ -44,7 +44,7 @@ def test_a_name_that_is_no_shipped_scenario_is_refused_with_the_nearest(
     [
         (
             "ur10e_tracker",
-            "errors.gear_backlash={}",
+            "errors.rod_backlash={}",
             "needs a robot that moves (path); leave it out",
         ),
         ("ur10e_tracker", "errors.outliers.size_rad=[0.1, 0.2]", "needs a robot that moves (path)"),
@@ -79,4 +79,5 @@ def test_every_error_source_is_of_a_robot_that_moves_or_stands_still_or_of_both(
     every = {f"errors.{name}" for name in ErrorSettings.model_fields}
     assert not set(OF_PATH) & set(OF_POSES)
     both = {"errors.joint_compliance", "errors.joint_noise", "errors.outliers"}
+    both |= {"errors.gear_backlash"}
     assert every - {*OF_PATH, *OF_POSES} == both

@@ -13,11 +13,12 @@ import pytest
 from ballbar.acquisition.pose_tables import import_poses
 from ballbar.cell.arrays import Array
 from ballbar.cell.errors import LogError
+from ballbar.ident.cameras import cameras_of
 from ballbar.ident.estimates import result_at_rest
 from ballbar.ident.table_estimate import TableEstimate
 from ballbar.ident.table_fit import fit_table
 from ballbar.ident.verdict import Status
-from tests.helpers.pictures import Drawn, draw, position_errors, shaped, workspace, write
+from tests.helpers.pictures import LENS, Drawn, draw, position_errors, shaped, workspace, write
 
 CENTRE = np.array([655.0, 352.0])
 Change = Callable[[Array, np.random.Generator], Array]
@@ -125,3 +126,21 @@ def test_two_exchanged_pictures_are_named_and_do_no_harm(tmp_path: Path) -> None
     warnings = result_at_rest(estimate).verdict.warnings
     assert any("joints.csv:12, joints.csv:13" in warning for warning in warnings)
     assert within(estimate, drawn) < 2.0
+
+
+def test_a_fit_knows_lens_and_board_better_than_the_pictures_alone(tmp_path: Path) -> None:
+    """The lens is the true one within its deviation, and the robot's lengths tell of the board."""
+    estimate = estimated(draw(21), tmp_path)
+    (camera,) = cameras_of(estimate.fit).values()
+    names = camera.errors.names
+    off = [
+        (value - LENS[name]) / sigma
+        for name, value, sigma in zip(names, camera.values, camera.sigma, strict=True)
+        if name in LENS
+    ]
+    assert len(off) == len(LENS)
+    assert np.abs(off).max() < 4.0
+    alone = np.sqrt((camera.errors.root**2).sum(axis=1))
+    assert (camera.sigma <= alone * (1.0 + 1e-9)).all()
+    assert (camera.sigma < 0.9 * alone)[[names.index("fx"), names.index("fy")]].all()
+    assert "corners to 0.15 px; fx 10" in camera.sentence
