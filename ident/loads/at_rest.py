@@ -67,9 +67,12 @@ def state_in_order(
 ) -> State:
     """State at rest at poses one after the other; arguments as of `state_at_rest`.
 
-    Where the load does not decide, friction keeps a gear on the flank from which its joint came.
+    Where the load does not decide, friction keeps a gear of a small arm on the flank from which its
+    joint came. Of larger ones the play is small, and programs move between the poses of a table.
     """
     state = state_at_rest(masses, geometry, q, to_gear, width)
+    if masses is None or arm_mass(masses) >= SMALL:
+        return state
     came = np.sign(np.diff(state.gears, axis=1, prepend=state.gears[:, :1]))
     flanks = state.load_sign()
     return replace(state, flanks=np.where(flanks == 0.0, came, flanks))
