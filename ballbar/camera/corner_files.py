@@ -40,13 +40,8 @@ def write_corners(
         (aside / CORNERS).write_bytes(_table(pictures))
         (aside / SHEET).write_bytes(contact_sheet(pictures))
         shutil.copyfile(board, aside / BOARD)
-        shutil.copyfile(joints, aside / joints_name(joints))
+        shutil.copyfile(joints, aside / f"{JOINTS}{''.join(joints.suffixes[-2:])}")
     return tuple(pictures)
-
-
-def joints_name(joints: Path) -> str:
-    """Name of the copy of the table of joint angles."""
-    return f"{JOINTS}{''.join(joints.suffixes[-2:])}"
 
 
 def _files(images: Sequence[Path]) -> list[Path]:

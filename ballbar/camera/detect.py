@@ -63,8 +63,6 @@ def detect(files: Sequence[Path], pattern: Pattern) -> list[Picture]:
     names = [file.name for file in files]
     if twice := next((n for n in names if names.count(n) > 1), None):
         raise InputError(f"two pictures are called {twice}; rename one.")
-    if pattern.marker:
-        assert pattern.charuco is not None  # made before the threads start
     with ThreadPoolExecutor(_THREADS) as threads:
         pictures = list(threads.map(lambda file: _picture(file, pattern), files))
     return _compared(pictures)
