@@ -43,7 +43,7 @@ def backlash_flanks(load: Array, masses: MassModel | None = None) -> Array:
     return np.where(np.abs(load) < undecided, 0.0, np.sign(load))
 
 
-def undecided_play(
+def undecided_flanks(
     description: Cell | Robot, geometry: Geometry, corrections: Sequence[Correction], q: Array
 ) -> Array:
     """(J, N) 1 where friction may hold a gear of a small arm on either flank, else 0.

@@ -29,7 +29,7 @@ from ballbar.cell.rotation import matrix_from_rotvec
 from ballbar.cell.statistics import chi_square_quantile
 from ballbar.ident.corrections.base import BAR, BEHIND_GEARS, GEAR, Correction
 from ballbar.ident.cross_validation import LEVEL
-from ballbar.ident.loads.at_rest import regressors_at_rest, undecided_play
+from ballbar.ident.loads.at_rest import regressors_at_rest
 
 WORKSPACE = 800  # poses, as many as the accuracy grid of a moving robot
 _WORKSPACE_SEED = 2400  # the poses are part of the metric
@@ -158,20 +158,6 @@ class IdentifiedRobot:
             else:
                 displaced[channel] += value * regressor
         return np.asarray(q + displaced[GEAR:BAR].T @ robot.gear_to_joint), motion
-
-    def undecided_play(self, q: Array) -> Array:
-        """(J, N) [rad] half the backlash of gears that friction may hold on either flank, else 0.
-
-        q : (N, J) [rad] logged angles.
-        """
-        half = np.zeros((self.robot.joints, 1))
-        coefficients = (k for c in self.corrections for k in c.coefficients)
-        for coefficient, value in zip(coefficients, self.values, strict=True):
-            if coefficient.name.startswith("backlash") and isinstance(coefficient.channel, int):
-                half[coefficient.channel] = abs(value)
-        if not half.any():
-            return half * np.zeros(len(q))
-        return half * undecided_play(self.description, self.geometry, self.corrections, q)
 
     def frames(self, q: Array) -> Frames:
         """Frames of the rows at logged angles q (N, J) [rad], then that of a target.

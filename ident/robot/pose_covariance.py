@@ -18,6 +18,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.chain import joint_screws
 from ballbar.cell.placement import Placement
 from ballbar.cell.statistics import covariance_root
+from ballbar.ident.loads.at_rest import undecided_flanks
 from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
@@ -86,7 +87,7 @@ class PoseCovariance:
         """
         screws = joint_screws(robot.frames(q))[: robot.robot.joints, :3]
         gears = np.einsum("gj,jcn->gcn", robot.robot.gear_to_joint, screws)
-        every = (self.joint_sigma * screws, robot.undecided_play(q)[:, None] * gears)
+        every = (self.joint_sigma * screws, _undecided_play(robot, q)[:, None] * gears)
         return np.concatenate([part for part in every if part.any()] or [screws[:0]])
 
     def jacobian(self, robot: IdentifiedRobot) -> Callable[[Array], Array]:
@@ -126,3 +127,15 @@ class PoseCovariance:
         by_target = frames.rotation(-2).transpose(1, 0, 2)
         moves = np.concatenate((robot.jacobian(q, self.parameters), by_target))
         return moves, np.concatenate((shifts, turns))
+
+
+def _undecided_play(robot: IdentifiedRobot, q: Array) -> Array:
+    """(J, N) [rad] half the backlash of gears that friction may hold on either flank, else 0."""
+    half = np.zeros((robot.robot.joints, 1))
+    coefficients = (k for correction in robot.corrections for k in correction.coefficients)
+    for coefficient, value in zip(coefficients, robot.values, strict=True):
+        if coefficient.name.startswith("backlash") and isinstance(coefficient.channel, int):
+            half[coefficient.channel] = abs(value)
+    if not half.any():
+        return half * np.zeros(len(q))
+    return half * undecided_flanks(robot.description, robot.geometry, robot.corrections, q)
