@@ -55,8 +55,9 @@ def play(estimate: TableEstimate, truth: PoseTruth) -> Array:
 
 
 def test_a_pose_on_another_flank_than_friction_says_makes_no_sure_zero(folder: Path) -> None:
-    """Of joint 3 the weight presses the gear to one flank in all poses; friction, as far as it is
-    known, would put one of them on the other, and with it the zero 0.4 deg off."""
+    """The weight presses the gear of joint 3 to one flank in all poses; friction, as far as it is
+    known, would put one of them on the other, and with it the zero 0.4 deg off.
+    """
     estimate, truth = estimated(folder, 2)
     error, stated = zeros(estimate, truth)
     assert (np.abs(error) < 2.0 * stated).all()
