@@ -30,7 +30,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Robot
-from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.poses import PoseTable
 from ballbar.cell.statistics import chi_square_quantile
 from ballbar.cell.typical_machine import arm_length
 from ballbar.ident.estimator.fit import Fit

@@ -494,7 +494,7 @@ def test_options_of_trajectories_are_refused_for_still_poses(tmp_path: Path) -> 
 @pytest.mark.slow
 def test_planned_pictures_show_the_whole_board_and_more_than_chance(tmp_path: Path) -> None:
     """Corners by a pinhole of 69 deg across 2016 px, 8 x 6 squares of 20 mm."""
-    setup = changed(PLANS / "so101_phone.yaml", poses=12, candidates=80)
+    setup = changed(PLANS / "so101_phone.yaml", poses=12, candidates=200)
     plan = planned(setup)
     grid = 0.02 * np.array([[x, y, 0.0] for y in range(7) for x in range(9)])
     seat, target = setup.request.seats[0], setup.request.targets[0]
