@@ -255,8 +255,9 @@ def test_a_single_change_is_found(copy: Path, name: str, change: str) -> None:
 @pytest.mark.parametrize("name", KINDS)
 def test_links_and_names_are_no_change(copy: Path, tmp_path: Path, name: str) -> None:
     """A recording may lie behind a link, and a certificate have another name."""
-    (copy / "logs").rename(tmp_path / "archive")
-    (copy / "logs").symlink_to(tmp_path / "archive")
+    (tmp_path / "archive").mkdir()
+    (copy / "logs").rename(tmp_path / "archive" / "logs")
+    (copy / "logs").symlink_to(tmp_path / "archive" / "logs")
     renamed = copy / f"2026-014{Path(name).suffix.upper()}"
     (copy / name).rename(renamed)
     assert check_certificate(renamed) == []
