@@ -2,8 +2,7 @@
 
 A file holds its content as JSON. A check asks three things: does the file print that content and
 nothing else, are the input files those that it names, and do they give the same content again?
-Numbers may differ by less than a hundredth of their standard uncertainty, for other computers round
-otherwise.
+Numbers may differ in their last digits (LAST_BITS), for other computers round otherwise.
 """
 
 from __future__ import annotations

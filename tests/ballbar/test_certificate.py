@@ -23,8 +23,10 @@ from ballbar.certificate.content import canonical
 from ballbar.certificate.details import TEMPLATE, RobotDetails, StandardDetails, load_details
 from ballbar.certificate.html import document
 from ballbar.certificate.words import LOCALES, Words, table
+from ballbar.ident.corrections import OF_MACHINE, OF_RECORDINGS
 from ballbar.ident.robot.budget import SOURCES, Distribution
 from ballbar.ident.verdict import Status
+from ballbar.result.calibration_schema import POSE_CORRECTIONS
 from ballbar.result.identify import identified
 from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.simulated_recordings import Recorded
@@ -361,8 +363,10 @@ def test_every_word_is_used() -> None:
     text = "".join(file.read_text("utf-8") for file in sources)
     values = {*Status, *(f"rule_{rule}" for rule in ("simple", "guarded", "probability"))}
     values |= {*RobotDetails.model_fields, *StandardDetails.model_fields, "nominal", "identified"}
-    values |= {f"budget_{name}" for name in SOURCES} | set(get_args(Distribution))
-    assert {f"budget_{name}" for name in SOURCES} <= set(table())
+    corrections = {*OF_MACHINE, *OF_RECORDINGS, *POSE_CORRECTIONS}
+    sources = {f"budget_{name}" for name in {*SOURCES, *corrections}}
+    assert sources <= set(table())
+    values |= sources | set(get_args(Distribution))
     unused = [k for k in table() if not re.search(f"[\"']{k}[\"']", text) and k not in values]
     assert not unused
 
