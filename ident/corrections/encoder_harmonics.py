@@ -5,8 +5,6 @@ One to three cycles a turn, of unknown phase: sine and cosine each have half of 
 
 from __future__ import annotations
 
-import numpy as np
-
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell
 from ballbar.ident.corrections.base import BAR, Coefficient, Correction, State

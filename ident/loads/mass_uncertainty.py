@@ -42,7 +42,7 @@ def stated_tool(cell: Cell) -> Array:
     body = cell.plate.body
     factor = body.mass * np.eye(4)
     factor[1:, 0] = body.mass * body.com  # a heavier tool has its moment with it
-    return factor * np.array([TOOL_PRIOR, *[TOOL_CENTRE_PRIOR] * 3])
+    return np.asarray(factor * np.array([TOOL_PRIOR, *[TOOL_CENTRE_PRIOR] * 3]))
 
 
 def deviated_cells(cell: Cell, covariance: Array) -> tuple[Cell, ...]:

@@ -168,7 +168,7 @@ def on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> FlangeLoad:
     of_tool[1:, 3:] = np.cross(np.eye(3)[:, None], down.T).transpose(0, 2, 1)
     body = cell.plate.body
     out[0] += np.einsum("k,kin->in", body.mass * np.array([1.0, *body.com]), of_tool)
-    return FlangeLoad(*out, np.einsum("kl,kin->lin", stated_tool(cell), of_tool))
+    return FlangeLoad(out[0], out[1], np.einsum("kl,kin->lin", stated_tool(cell), of_tool))
 
 
 def _repeated(at: Callable[[Array], Tension], samples: int, rounds: int = ROUNDS) -> Tension:

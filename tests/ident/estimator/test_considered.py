@@ -76,9 +76,7 @@ def elastic_fit() -> Fit:
         UNIVERSAL_AND_GIMBAL, NOMINAL, NO_CLOCK_ERROR, samples.splines.shape[0], tension_sigma=1.0
     )
     chosen = (correction_named("joint_compliance", CELL, UNIVERSAL_AND_GIMBAL),)
-    layout, x = complete_unknowns(
-        CELL, NOMINAL, [start], chosen, measured_force=True, rod_sigma=None
-    )
+    layout, x = complete_unknowns(CELL, NOMINAL, [start], chosen, gain_sigma=0.03, rod_sigma=None)
     model = Model(gearing(CELL.robot), mass_model(CELL), chosen, layout, (samples,))
     return fit(model, x, [samples.ballbar_angles(NOMINAL, NO_CLOCK_ERROR)], EXCESS)
 
@@ -233,7 +231,7 @@ ROD = 5e-6  # [m]
 
 
 def layout() -> Unknowns:
-    out, _ = complete_unknowns(CELL, NOMINAL, [], (), measured_force=False, rod_sigma=ROD)
+    out, _ = complete_unknowns(CELL, NOMINAL, [], (), gain_sigma=None, rod_sigma=ROD)
     return out
 
 
