@@ -188,14 +188,15 @@ def _left_out(fit: Fit) -> Array:
 
 
 def _gain(fit: Fit) -> Array:
-    """(P, K) shift by a gain of the measured tension as far off as its prior allows."""
+    """(P, K) shift by which the gain of the measured tension is as open as by its prior."""
     layout = fit.model.unknowns
     if layout.gain is None:
         return np.zeros((fit.x.size, 0))
-    own = fit.covariance[:, layout.gain]
+    own = fit.covariance[:, [layout.gain]]
     known = own[layout.gain]
-    beyond = np.sqrt(max(0.0, layout.sigma[layout.gain] ** 2 - known))
-    return np.asarray(own[:, None] / known * beyond)
+    return np.asarray(
+        own / known * np.sqrt(np.maximum(0.0, layout.sigma[layout.gain] ** 2 - known))
+    )
 
 
 def variance_by_blocks(

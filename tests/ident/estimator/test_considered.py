@@ -114,6 +114,26 @@ def test_a_fit_with_other_masses_ends_where_the_shift_says(
     assert np.linalg.norm((moved - shift) / sigma) < 0.15 * np.linalg.norm(moved / sigma)
 
 
+def test_the_gain_of_a_measured_tension_is_as_open_as_its_prior(elastic_fit: Fit) -> None:
+    """The geometry tells it to a third of that; a fit at another gain ends where the shift says."""
+    estimate, layout = elastic_fit, elastic_fit.model.unknowns
+    gain = layout.gain
+    assert gain is not None
+    assert layout.sigma[gain] == 0.03 > 2.0 * np.sqrt(estimate.covariance[gain, gain])
+    stated = stated_uncertainty.uncertainty(estimate)
+    assert 0.03 < np.sqrt(stated.covariance[gain, gain]) < 0.04
+    (shift,) = [c for c in stated.candidates.T if abs(c[gain]) > 0.02]
+    sigma, mean = layout.sigma.copy(), layout.mean.copy()
+    sigma[gain], mean[gain] = 1e-6, estimate.x[gain] + 0.3 * shift[gain]
+    held = replace(estimate.model, unknowns=replace(layout, sigma=sigma, mean=mean))
+    found = fit(held, estimate.x, estimate.ballbars, EXCESS, negligible=1e-6)
+    moved = (found.x - estimate.x)[compliances(estimate)] * STIFFNESS
+    assert np.abs(moved).min() > 1e-3
+    sigma = np.sqrt(np.diag(estimate.covariance))[compliances(estimate)] * STIFFNESS
+    off = moved - 0.3 * shift[compliances(estimate)] * STIFFNESS
+    assert np.linalg.norm(off / sigma) < 0.15 * np.linalg.norm(moved / sigma)
+
+
 def test_few_samples_of_a_recording_give_the_same_shifts(
     elastic_fit: Fit, deviated: tuple[Cell, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
