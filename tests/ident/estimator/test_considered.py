@@ -128,7 +128,7 @@ def test_the_gain_of_a_measured_tension_is_as_open_as_its_prior(elastic_fit: Fit
     held = replace(estimate.model, unknowns=replace(layout, sigma=sigma, mean=mean))
     found = fit(held, estimate.x, estimate.ballbars, EXCESS, negligible=1e-6)
     moved = (found.x - estimate.x)[compliances(estimate)] * STIFFNESS
-    assert np.abs(moved).min() > 1e-3
+    assert np.abs(moved[2:]).min() > 4e-3
     sigma = np.sqrt(np.diag(estimate.covariance))[compliances(estimate)] * STIFFNESS
     off = moved - 0.3 * shift[compliances(estimate)] * STIFFNESS
     assert np.linalg.norm(off / sigma) < 0.15 * np.linalg.norm(moved / sigma)
