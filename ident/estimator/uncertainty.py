@@ -36,9 +36,9 @@ nobody knows. Of the estimate x and the one in which such unknowns are at their 
 either may be nearer to the truth: a share DOUBT of their difference, which grows with what stands
 beyond the priors, is a standard deviation.
 
-The gain of a measured tension is fitted beside the errors of its log, as if these were drawn anew
-at each knot. They are those of a friction law and of masses, so they repeat with the motion: logs
-of motor torques had the tension wrong by a factor of 1.9 % where knots of their size would leave
+The gain of a measured tension is fitted beside the errors of its log, as if those of one knot told
+nothing of the next. They are those of a friction law and of masses, so they repeat with the motion:
+logs of motor torques had the tension wrong by a factor of 1.9 % where independent knots would leave
 0.8 %, and fitted gains were off by 3 %. So nothing that the geometry says of the gain counts: the
 estimate at a gain off by its prior's deviation is a candidate too. Softer gears under a smaller
 tension look the same.

@@ -149,7 +149,7 @@ def from_force_sensor(
 
 
 def on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> FlangeLoad:
-    """What a force sensor at the flange has to expect.
+    """The wrench that a force sensor at the flange has to expect.
 
     q (N, J), b (N, 5) : [rad] angles of robot and ball-bar.
     """
