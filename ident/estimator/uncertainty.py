@@ -36,7 +36,7 @@ nobody knows. Of the estimate x and the one in which such unknowns are at their 
 either may be nearer to the truth: a share DOUBT of their difference, which grows with what stands
 beyond the priors, is a standard deviation.
 
-The gain of a measured tension is fitted beside the errors of its log, as if those of one knot told
+The gain of a measured tension is fitted beside the errors of its log, as if those of one knot said
 nothing of the next. They are those of a friction law and of masses, so they repeat with the motion:
 logs of motor torques had the tension wrong by a factor of 1.9 % where independent knots would leave
 0.8 %, and fitted gains were off by 3 %. So nothing that the geometry says of the gain counts: the
