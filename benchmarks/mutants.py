@@ -138,6 +138,11 @@ def synchronise(tree: Path) -> None:
     ).stdout  # fmt: skip
     for name in filter(None, listed.split("\0")):
         source, copy = ROOT / name, tree / name
+        if source.is_symlink():
+            copy.unlink(missing_ok=True)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            copy.symlink_to(source.readlink())
+            continue
         if not source.exists():
             copy.unlink(missing_ok=True)
             continue
@@ -298,12 +303,13 @@ class Judge:
 def _exchanged_code(tree: Path, mutant: Mutant) -> bool:
     """Give the functions of a module in this process the code of a mutant; False if it cannot."""
     file = str(tree / mutant.file)
+    names = (file, str(tree / "ballbar" / mutant.file))  # the second through a link
     places = {code: place for place, code in _codes(compile(_original(mutant), file, "exec"))}
     codes = dict(_codes(compile(mutant.source, file, "exec")))
     if codes.keys() != set(places.values()):
         return False
     for each in gc.get_objects():
-        if isinstance(each, FunctionType) and each.__code__.co_filename == file:
+        if isinstance(each, FunctionType) and each.__code__.co_filename in names:
             each.__code__ = codes[places[each.__code__]]
     return True
 
