@@ -36,7 +36,6 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
-from itertools import groupby
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -179,18 +178,17 @@ def measured_lines(tree: Path, paths: list[str], *, long: bool) -> ExecutedLines
     for marker in ("not long", "long") if long else ("not long",):
         hashes = {str(file.relative_to(ROOT)): _hash([file]) for file in cases}
         known.setdefault(marker, {})
-        for folder, names in groupby(hashes, key=lambda name: str(Path(name).parent)):
-            changed = [name for name in names if known[marker].get(name) != hashes[name]]
-            if changed:
-                print(f"measuring {len(changed)} test files of {folder} ({marker})", flush=True)
-                _measured(tree, changed, marker)
-                known[marker] |= {name: hashes[name] for name in changed}
+        for name, value in hashes.items():
+            if known[marker].get(name) != value:
+                print(f"measuring {name} ({marker})", flush=True)
+                _measured(tree, [name], marker)
+                known[marker][name] = value
                 known_file.write_text(json.dumps(known))
     return ExecutedLines(STORE)
 
 
 def _measured(tree: Path, files: list[str], marker: str) -> None:
-    """Add what the tests of some files execute to the store."""
+    """Add what the tests of some files execute to the store; in a process of its own."""
     log = STORE / f"measured_{marker.replace(' ', '_')}.txt"
 
     def work() -> None:
