@@ -1,13 +1,15 @@
 """Mutation testing: the share of single-line faults of the sources that the tests see.
 
     python -m benchmarks.mutants [--sample 400] [--seed 1] [--processes 1] [--again] [--long]
-                                 [--tests PATH ...] [--out docs/studies/mutants.csv]
+                                 [--tests PATH ...] [--only PATH ...]
+                                 [--out docs/studies/mutants.csv]
 
 Faults are drawn by benchmarks.mutant_places. Each stands in a private copy of the project, where
 the tests of `make test` that execute its line run until the first failure, up to LIMIT_SECONDS of
 them: those of its own package first, of these those of its module, then the quickest. `--tests`
-takes only the tests below some paths. `--again` repeats only those that survived the
-last time. `--long` gives survivors to all other tests that execute the line, the long ones too.
+takes only the tests below some paths, `--only` of the sample the faults there. `--again` repeats
+only those that survived the last time. `--long` gives survivors to all other tests that execute
+the line, the long ones too.
 Tests of the project's text (tests/project) do not count.
 
 Writes the table `--out`. Why a survivor survives is stated by the table
@@ -384,7 +386,11 @@ def main(args: argparse.Namespace) -> None:
     if args.again:
         with args.out.open(newline="") as file:
             rows = {_key(row): row for row in csv.DictReader(file) if row["outcome"] == "seen"}
-    sample = [m for m in _sample(args.sample, args.seed) if _key(vars(m)) not in rows]
+    sample = [
+        mutant
+        for mutant in _sample(args.sample, args.seed)
+        if _key(vars(mutant)) not in rows and mutant.file.startswith(tuple(args.only))
+    ]
     for row in judged(sample, executed, args):
         rows[_key(row)] = row
         print(*(row[name] for name in HEAD[:7]), sep=" | ", flush=True)
@@ -443,5 +449,6 @@ if __name__ == "__main__":
     for name in ("--again", "--long"):
         parser.add_argument(name, action="store_true")
     parser.add_argument("--tests", nargs="+", default=["tests"])
+    parser.add_argument("--only", nargs="+", default=[""])
     parser.add_argument("--out", type=Path, default=RESULT)
     main(parser.parse_args())

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,8 +17,10 @@ import numpy as np
 import pytest
 
 from ballbar.cell.errors import DescriptionError, InputError
+from ballbar.certificate import check
 from ballbar.certificate.check import certificate_file, check_certificate, content_of
 from ballbar.certificate.conformity import Tolerance, decide
+from ballbar.certificate.content import Content, certificate_content
 from ballbar.certificate.details import TEMPLATE, RobotDetails, StandardDetails, load_details
 from ballbar.certificate.page import page_of
 from ballbar.certificate.pdf import wrapped
@@ -64,12 +67,35 @@ def copy(certified: Path, tmp_path: Path) -> Path:
     return shutil.copytree(certified, tmp_path / "elsewhere")
 
 
+@pytest.fixture(scope="module")
+def recomputed(certified: Path) -> Content:
+    """The content that the unchanged inputs give."""
+    content, _ = content_of(certified / "certificate.html")
+    base = certified / content["base"]
+    paths = base / content["result_file"], base / content["details_file"]
+    return certificate_content(*paths, base=base, locale=content["locale"])[0]
+
+
+@pytest.fixture
+def recomputed_once(recomputed: Content, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A check of unchanged inputs recomputes nothing: what they give is known."""
+    again = deepcopy(recomputed)
+    monkeypatch.setattr(check, "certificate_content", lambda *_, **__: (again, b""))
+
+
 KINDS = ("certificate.html", "certificate.pdf")
 
 
 @pytest.mark.slow
+def test_an_unchanged_certificate_holds_in_another_folder(copy: Path) -> None:
+    assert check_certificate(copy / "certificate.pdf") == []
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
-def test_an_unchanged_certificate_holds_in_another_folder(copy: Path, name: str) -> None:
+def test_what_the_inputs_give_again_is_what_is_certified(
+    copy: Path, recomputed_once: None, name: str
+) -> None:
     assert check_certificate(copy / name) == []
 
 
@@ -187,12 +213,14 @@ CHANGES = {
     "printed word": printed("Messdatum", "Messdatun"),
     "embedded digit": in_content(b'"samples": 3', b'"samples": 4'),
     "byte appended": appended,
-    "forged value": forged(lambda c: c["errors"][0].update(value=0.4e-3)),
-    "forged statement": forged(lambda c: c["errors"][0].update(verdict="conforms")),
-    "forged uncertainty": forged(lambda c: c["errors"][2].update(sigma=1e-6)),
-    "forged operator": forged(lambda c: c["details"].update(operator="Somebody Else")),
-    "forged digest": forged(lambda c: c["files"][3].update(sha256="0" * 64)),
-    "forged temperature": forged(lambda c: c["measurement"].update(temperature_C=20.0)),
+}
+FORGED = {
+    "value": forged(lambda c: c["errors"][0].update(value=0.4e-3)),
+    "statement": forged(lambda c: c["errors"][0].update(verdict="conforms")),
+    "uncertainty": forged(lambda c: c["errors"][2].update(sigma=1e-6)),
+    "operator": forged(lambda c: c["details"].update(operator="Somebody Else")),
+    "digest": forged(lambda c: c["files"][3].update(sha256="0" * 64)),
+    "temperature": forged(lambda c: c["measurement"].update(temperature_C=20.0)),
 }
 
 
@@ -201,6 +229,17 @@ CHANGES = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_single_change_is_found(copy: Path, name: str, change: str) -> None:
     CHANGES[change](copy, copy / name)
+    code, said, _ = ballbar("certificate", "--check", copy / name)
+    assert (code, "does not hold" in said) == (1, True), said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("change", FORGED)
+def test_a_forged_content_is_found(
+    copy: Path, recomputed_once: None, name: str, change: str
+) -> None:
+    FORGED[change](copy, copy / name)
     code, said, _ = ballbar("certificate", "--check", copy / name)
     assert (code, "does not hold" in said) == (1, True), said
 

@@ -37,7 +37,7 @@ def noisy() -> Samples:
 @pytest.fixture(scope="session")
 def drawn_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Logs, Truth]:
     """A recording of a drawn robot with everything on, beside which still poses are fitted."""
-    return logs_of(scenario_of("irb2400", "a", 3, 120.0), tmp_path_factory.mktemp("drawn"))
+    return logs_of(scenario_of("irb2400", "a", 3, 90.0), tmp_path_factory.mktemp("drawn"))
 
 
 @pytest.fixture(scope="session")
