@@ -98,31 +98,48 @@ def laps_of(time: Array, q: Array) -> tuple[Array, float]:
 
 
 def path_rows(group: PoseGroup, seen: Sequence[Attained]) -> Iterator[Characteristic]:
-    """AT and RT of a path that was passed several times while an instrument followed."""
+    """AT and RT of a path that was passed several times while an instrument followed.
+
+    seen : by the nominal and the identified robot.
+    """
     assert group.time is not None  # an instrument that follows has a clock
     starts, length = laps_of(group.time, group.q)
     if starts.size < LEAST_CYCLES:
         return
     laps = [_laps(group.time, each, starts, length) for each in seen]
-    accuracy = [Statement("measured", iso.path_accuracy(*each)) for each in laps]
-    value, remark = iso.path_repeatability(laps[1][0]), noise_remark(group)
-    spread = Statement("measured", value, reason=remark)
-    yield Characteristic("AT_p", "path", (*accuracy, NOT_CORRECTED), starts.size)
-    yield Characteristic("RT_p", "path", (spread,) * 3, starts.size)
+    accuracy = {"AT_p": [iso.path_accuracy(attained[..., :3], way) for attained, way in laps]}
+    spread = {"RT_p": iso.path_repeatability(laps[1][0][..., :3])}
+    if (turns := laps[1][0][..., 3:]).size:
+        own = [
+            iso.orientation_path_accuracy(attained[..., 3:], 0.0 * way) for attained, way in laps
+        ]
+        accuracy |= {f"AT_{c}": v for c, *v in zip("abc", *own, strict=True)}
+        spread |= zip(
+            ("RT_a", "RT_b", "RT_c"), iso.orientation_path_repeatability(turns), strict=True
+        )
+    for symbol, values in accuracy.items():
+        stated = [Statement("measured", float(value)) for value in values]
+        yield Characteristic(symbol, "path", (*stated, NOT_CORRECTED), starts.size)
+    for symbol, value in spread.items():
+        remark = noise_remark(group) if symbol == "RT_p" else ""
+        stated = Statement("measured", float(value), reason=remark)
+        yield Characteristic(symbol, "path", (stated,) * 3, starts.size)
 
 
 def _laps(time: Array, seen: Attained, starts: Array, length: float) -> tuple[Array, Array]:
-    """Attained paths (n, m, 3) [m] in the normal planes of the commanded points (m, 3) [m].
+    """Attained paths (n, m, 3) [m] in the normal planes of the commanded points (m, 3) [m], with
+    turns [rad] from the commanded orientation (n, m, 6) where they were seen.
 
     Points whose plane some lap does not pass, such as at its ends, are left out.
     """
     instants = starts[0] + length * np.linspace(0.0, 1.0, POINTS, endpoint=False)
     commanded = np.column_stack([np.interp(instants, time, column) for column in seen.commanded.T])
+    points = seen.points if seen.turns is None else np.hstack((seen.points, seen.turns))
     paths = []
     for start in starts:
         first, last = start - BEYOND * length, start + (1.0 + BEYOND) * length
         rows = (time >= first) & (time <= last)
-        paths.append(iso.in_normal_planes(seen.points[rows], commanded))
+        paths.append(iso.in_normal_planes(points[rows], commanded))
     passed = np.isfinite(paths).all(axis=(0, 2))
     return np.stack(paths)[:, passed], commanded[passed]
 
