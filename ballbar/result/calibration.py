@@ -204,7 +204,10 @@ class Calibration(Views):
         Raises InputError for a target that is not in the file, or that logs do not have.
         """
         if target is not None or not self.of_logs:
-            return self._robot_of_poses(target)
+            poses = None if self.run is None else self.run.identification.poses
+            if poses is not None and (target is None or target in self.targets):
+                return poses.identified_robot(target)
+            return self.robot_of_poses(target)
         if self.run is not None:
             return self.run.identification.robot.identified
         corrections = tuple(starmap(_correction, self.file.corrections.items()))
@@ -216,13 +219,12 @@ class Calibration(Views):
             return robot
         return replace(robot, stated=stated.covariance, ranges=self.ranges)
 
-    def _robot_of_poses(self, target: str | None) -> IdentifiedRobot:
+    def robot_of_poses(self, target: str | None = None) -> IdentifiedRobot:
+        """The robot of still poses with what the file states; arguments and errors as above."""
         file, targets = self.file_of_poses(), self.targets
         name = target or next(iter(targets))
         if name not in targets:
             raise InputError(f"target {name!r}: the result has {', '.join(targets)}")
-        if self.run is not None and self.run.identification.poses is not None:
-            return self.run.identification.poses.identified_robot(name)
         corrections = tuple(
             as_in_result(POSE_CORRECTIONS[key](self.robot, entries), entries, self.robot)
             for key, entries in file.corrections.items()

@@ -6,7 +6,7 @@ predicts.
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from os import PathLike
 
 import numpy as np
@@ -94,8 +94,8 @@ def robots_of(calibration: Calibration) -> RobotPair:
 
     What is stated of still poses is what the file holds, so that all documents state the same.
     """
-    stored = calibration if calibration.of_logs else replace(calibration, run=None)
-    robot, chain = stored.identified_robot(), calibration.nominal_chain
+    own = calibration.identified_robot if calibration.of_logs else calibration.robot_of_poses
+    robot, chain = own(), calibration.nominal_chain
     geometry = geometry_of_chain(parameter_table(robot.robot), chain)
     return RobotPair(kinematics(robot.rigid(geometry), chain), kinematics(robot, chain))
 

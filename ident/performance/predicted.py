@@ -36,7 +36,7 @@ NORMAL = 1.959964  # standard deviations of a normal value that hold 95 %
 OUTSIDE = "outside the range of axes that was fitted, where nothing is known"
 EXTRAPOLATED = "outside the range of axes that was fitted: by the model alone"
 SAME = 1e-9  # of an uncertainty by which it varies where it is one for all poses
-ONE_VALUE = "the result states one uncertainty for all poses within the fitted ranges"
+ONE_VALUE = "the result states one mean uncertainty for all poses within the fitted ranges"
 NO_TURNS = "the result states no uncertainty of orientations"
 FEWER = "targets of a robot with fewer than six axes cannot be corrected"
 _SERVO, _HOURS = "how the servo stops is not known: measure repetitions", "with times, over hours"
@@ -170,14 +170,12 @@ def _workspace(robots: RobotPair) -> Iterator[Characteristic]:
     known = [own for own in stated if own[0].value is not None]
     values = np.array([[[s.value, s.low, s.high] for s in own[:2]] for own in known], dtype=float)
     if known:
-        same = ONE_VALUE if np.ptp(values[:, 1, 0]) < SAME * values[0, 1, 0] else ""
-        means, remarks = values.mean(axis=0), ("", same)
-        before, own = (
-            Statement("predicted", *mean.tolist(), remark)
-            for mean, remark in zip(means, remarks, strict=True)
-        )
+        before, own = (Statement("predicted", *v.tolist()) for v in values.mean(axis=0))
         yield Characteristic("AP_p", "workspace, mean", robots.of_all(before, own))
-        yield Characteristic("AP_p", "workspace, largest", _largest(known))
+        before, own, _ = _largest(known)
+        if np.ptp(values[:, 1, 0]) < SAME * values[0, 1, 0]:
+            own = not_stated(ONE_VALUE)
+        yield Characteristic("AP_p", "workspace, largest", robots.of_all(before, own))
 
 
 def _both(shift: Array, covariance: Array) -> tuple[Statement, Statement]:
