@@ -67,6 +67,15 @@ def temperature_of(stated: Sequence[Temperatures], *, robot: bool) -> Temperatur
     return Temperature(float(np.mean(known)), sigma, None in sigmas)
 
 
+def growth_at(temperature: Temperature | None, expansion: Expansion | None) -> tuple[float, float]:
+    """Share by which a length is longer than at 20 degC, and its standard uncertainty: 0 where
+    temperature or coefficient are not stated.
+    """
+    if temperature is None or expansion is None:
+        return 0.0, 0.0
+    return temperature.growth(expansion)
+
+
 def at_temperature(cell: Cell, temperature: Temperature | None) -> Cell:
     """The cell with plate and rod as long as they are, and as uncertain, at a temperature.
 

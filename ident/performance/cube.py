@@ -9,7 +9,7 @@ lie in the plane C1-C2-C7-C8: P1 in the centre, the others on its diagonals, a t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -62,7 +62,6 @@ def fitting_cube(
         return None
     within = identified.workspace()
     middle = 0.5 * (within.min(axis=0) + within.max(axis=0))
-    outside = None
     for edge, tilt in product(SIDES if side is None else (side,), TILTS):
         q = np.vstack((middle, within[:TRIED]))
         for _ in range(ROUNDS):
@@ -75,11 +74,11 @@ def fitting_cube(
                 motion = np.abs(taken - taken[:, :1]).max(axis=(1, 2))
                 at = np.where(inside, motion, np.inf).argmin()
                 return TestCube(edge, poses[at], taken[at])
-            if side is not None and outside is None and len(taken):
-                outside = TestCube(edge, poses[0], taken[0])
             # from here the angles at the five poses are about the middle
             q = taken[:, 0] + middle - 0.5 * (taken.min(axis=1) + taken.max(axis=1))
-    return outside
+    if side is None or identified.ranges is None:
+        return None
+    return fitting_cube(nominal, replace(identified, ranges=None), side)
 
 
 def _upright(nominal: IdentifiedKinematics, ends: Array, tilt: float) -> Array:

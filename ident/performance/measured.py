@@ -118,12 +118,12 @@ def path_rows(group: PoseGroup, seen: Sequence[Attained]) -> Iterator[Characteri
             ("RT_a", "RT_b", "RT_c"), iso.orientation_path_repeatability(turns), strict=True
         )
     for symbol, values in accuracy.items():
-        stated = [Statement("measured", float(value)) for value in values]
+        stated = tuple(Statement("measured", float(value)) for value in values)
         yield Characteristic(symbol, "path", (*stated, NOT_CORRECTED), starts.size)
     for symbol, value in spread.items():
         remark = noise_remark(group) if symbol == "RT_p" else ""
-        stated = Statement("measured", float(value), reason=remark)
-        yield Characteristic(symbol, "path", (stated,) * 3, starts.size)
+        same = Statement("measured", float(value), reason=remark)
+        yield Characteristic(symbol, "path", (same,) * 3, starts.size)
 
 
 def _laps(time: Array, seen: Attained, starts: Array, length: float) -> tuple[Array, Array]:
