@@ -98,7 +98,7 @@ def bar_model() -> tuple[Model, Array]:
     """Model and start of the minute on a ball-bar; its samples hold the noise that is stated."""
     start = RecordingStart(UNIVERSAL_AND_GIMBAL, NOMINAL, NO_CLOCK_ERROR)
     layout, x = complete_unknowns(
-        CELL, NOMINAL, [start], (RIPPLE,), measured_force=False, rod_sigma=None
+        CELL, NOMINAL, [start], (RIPPLE,), gain_sigma=None, rod_sigma=None
     )
     samples = bar_samples(true_bar(NOMINAL, np.zeros(len(RIPPLE.coefficients))), 0, {})
     return Model(gearing(CELL.robot), None, (RIPPLE,), layout, (samples,)), x

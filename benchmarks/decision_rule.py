@@ -64,7 +64,7 @@ def rows_of(seed: int) -> list[dict[str, Any]]:
     estimate = Estimate(Scenario.model_validate(base, strict=False), seed)
     rng = np.random.default_rng([seed, 14253])
     rows, grid = [], accuracy_grid(estimate.identified.robot)
-    draws = error_draws(cast(RobotEstimate, estimate))
+    _, draws = error_draws(cast(RobotEstimate, estimate))
     for robot, model in (
         ("nominal", estimate.nominal),
         ("identified", estimate.identified.geometry),

@@ -9,14 +9,14 @@ import errno
 import os
 import stat
 from collections.abc import Iterable
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 # Binary on every system; a pipe opens at once, and is then refused.
 _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
-def open_regular(path: Path, most: int) -> BinaryIO:
+def open_regular(path: Path, most: int) -> BufferedReader:
     """A regular file of at most `most` bytes, open for reading.
 
     Raises OSError if there is none or it cannot be read, is no regular file, or is larger;

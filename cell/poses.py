@@ -108,6 +108,8 @@ class PoseGroup:
     common: CommonErrors | None = None
     # (N, M, U) change of the values per unit of each unknown of `common`; turns about seat axes
     by_common: Array | None = None
+    # (N, J) flanks of the gears' backlash, -1 to 1, where the poses tell; None: friction and weight
+    flanks: Array | None = None
 
     def __post_init__(self) -> None:
         for f in fields(self):

@@ -7,7 +7,7 @@ data do not support dropped. Structure and measured guidance: notes/identificati
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -56,7 +56,9 @@ from ballbar.ident.signals.steps import StepFault
 
 # [N] prior of a knot on top of what was measured (notes/identification secs. 4, 5)
 DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0, "instrument": FORCE_PRIOR}
-MEASURED = ("torque", "sensor")
+# Of the gain of a measured force: two gains of 2 % (notes/identification sec. 1); of a sensor six
+# of 1 % and the weight of the tool, by which it was right to 0.5 %.
+GAINS = {"torque": 0.03, "sensor": 0.01}
 # Noise and width of backlash, times, without a measured tension (notes/identification sec. 4)
 CONTINUATION = (20.0, 6.0, 2.0)
 CONTINUED_ITERATIONS = 8
@@ -352,7 +354,7 @@ def posed(
         recordings[0].nominal,
         starts,
         chosen,
-        measured_force=loaded and any(source in MEASURED for source in sources),
+        gain_sigma=gain_sigma(sources) if loaded else None,
         rod_sigma=options.rod_sigma,
         still=still,
     )
@@ -391,6 +393,11 @@ def searches_tension(corrections: Sequence[Correction], sources: Sequence[str]) 
 def clock_steps_of(faults: Sequence[StepFault], recording: int) -> tuple[float, ...]:
     """[s] instants at which a clock of one recording was set."""
     return tuple(f.time for f in faults if f.kind == "clock" and f.recording == recording)
+
+
+def gain_sigma(sources: Iterable[str]) -> float | None:
+    """Prior of the gain of the rod's tension from these sources; None where nothing measured it."""
+    return max((GAINS[source] for source in sources if source in GAINS), default=None)
 
 
 def start_of(

@@ -176,7 +176,7 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
         error=np.concatenate([np.linalg.norm(rest, axis=0) for rest in rests]),
         counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
-        white=float(np.sqrt(min(white / count, variance))),
+        white=float(np.sqrt(min(max(white, 0.0) / count, variance))),
         factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
         of_points=0.0 if only_lengths(table) else float(np.sqrt(variance)),
         joint_sigma=_joint_sigma(fit) if only_lengths(table) else 0.0,

@@ -15,7 +15,6 @@ from ballbar.cell.statistics import rms
 from ballbar.ident.causes import beside_fit
 from ballbar.ident.consistency import AGREED, consistency
 from ballbar.ident.corrections import SUBSTITUTES, corrections_without_data
-from ballbar.ident.estimator.build_unknowns import GAIN_PRIOR
 from ballbar.ident.estimator.fit import Fit, moved
 from ballbar.ident.estimator.order_search import JointOrder
 from ballbar.ident.estimator.priors import PULL, beyond_priors
@@ -276,7 +275,10 @@ def pulled(fit: Fit) -> tuple[str, ...]:
     """Shared unknowns further from their priors than chance explains, the furthest first."""
     layout = fit.model.unknowns
     out = [layout.names[i] for i in beyond_priors(layout, fit.x)]
-    return (*out, "force_gain") if abs(force_gain(fit)) > PULL * GAIN_PRIOR else tuple(out)
+    gain = layout.gain
+    if gain is not None and abs(force_gain(fit)) > PULL * layout.sigma[gain]:
+        out.append("force_gain")
+    return tuple(out)
 
 
 def _nominal_error(robot: RobotEstimate) -> float:

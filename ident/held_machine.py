@@ -23,11 +23,11 @@ from ballbar.cell.placement import Placement
 from ballbar.cell.poses import PoseTable
 from ballbar.ident.causes import Causes
 from ballbar.ident.complete_fit import (
-    MEASURED,
     Pose,
     clock_steps_of,
     continued,
     fit_pose,
+    gain_sigma,
     needs_loads,
     searches_tension,
     start_of,
@@ -106,7 +106,7 @@ def closed_loop(
         robot.geometry,
         [start_of(recording, samples, source, robot.corrections)],
         corrections,
-        measured_force=loaded and source in MEASURED,
+        gain_sigma=gain_sigma([source]) if loaded else None,
         rod_sigma=None,
     )
     layout = _held(layout, robot)

@@ -37,6 +37,7 @@ from ballbar.ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
 from ballbar.ident.findings import Findings, findings_of
 from ballbar.ident.moved_seats import MOST, confirms, step_of
 from ballbar.ident.options import DEFAULTS, SILENT, FitOptions, JointErrors, Listener
+from ballbar.ident.play_flanks import on_flanks_of_poses
 from ballbar.ident.start.placements import retimed, start_of_poses
 from ballbar.ident.table_estimate import TableEstimate
 from ballbar.ident.table_steps import Step, refuse_large, refuse_merged, sized, split
@@ -111,7 +112,7 @@ def _estimated(still: PlacedPoses, options: FitOptions, listener: Listener) -> T
     model = replace(model, table=retimed(nominal))
     listener.progress("fitting geometry and sag")
     fit = _without_unseen_lags(model, fit_robustly(model, nominal.x, nominal.excess))
-    fit, findings = _without_unsettled(fit)
+    fit, findings = _without_unsettled(on_flanks_of_poses(fit))
     search = None
     if options.joint_errors == "auto":
         listener.progress("searching joint errors")

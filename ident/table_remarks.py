@@ -9,6 +9,7 @@ import numpy as np
 from ballbar.ident.estimator.order_search import JointOrder
 from ballbar.ident.estimator.priors import FAR, robot_prior
 from ballbar.ident.estimator.regions import distinct_poses
+from ballbar.ident.estimator.uncertainty import STRONG
 from ballbar.ident.evidence import Evidence
 from ballbar.ident.findings import Findings
 from ballbar.ident.table_estimate import TableEstimate
@@ -40,6 +41,7 @@ def table_remarks(evidence: Evidence) -> Iterator[str]:
     if estimate.alone:
         yield from _local(estimate)
         yield from _far(estimate)
+    yield from _on_one_flank(estimate)
     yield from _orders(estimate.search.orders if estimate.search else ())
 
 
@@ -146,6 +148,24 @@ def _far(estimate: TableEstimate) -> Iterator[str]:
         yield (
             f"far from the catalogue: {', '.join(far)}; a joint's zero may have been set wrongly, "
             "or the robot's file is of another variant"
+        )
+
+
+def _on_one_flank(estimate: TableEstimate) -> Iterator[str]:
+    """Zeros that the poses do not tell from play."""
+    fit, joints = estimate.fit, range(1, estimate.table.robot.joints + 1)
+    place = {name: i for i, name in enumerate(fit.model.unknowns.names)}
+    sigma, each = np.sqrt(np.diag(fit.covariance)), []
+    for i, k in ((place.get(f"rtheta{j}"), place.get(f"backlash{j}")) for j in joints):
+        if i is None or k is None:
+            continue
+        if abs(fit.covariance[i, k]) > STRONG * sigma[i] * sigma[k]:
+            each.append(f"{fit.model.unknowns.names[i]} ({np.rad2deg(sigma[i]):.2f} deg)")
+    if each:
+        yield (
+            f"zeros that no pose tells from play: {', '.join(each)}, standard deviation in "
+            "brackets; in all poses the weight presses these gears to one flank. Poses beyond the "
+            "vertical, where it presses them to the other, tell both"
         )
 
 

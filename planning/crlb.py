@@ -202,7 +202,7 @@ def planned_unknowns(
         nominal,
         recordings,
         on.corrections,
-        measured_force=False,
+        gain_sigma=None,
         rod_sigma=on.sensors.rod_sigma_m,
         still=beside,
     )

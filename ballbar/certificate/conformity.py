@@ -85,8 +85,9 @@ def _above(factor: float) -> float:
     return 0.5 * erfc(factor / sqrt(2.0))
 
 
-def error_draws(robot: RobotEstimate) -> dict[tuple[str, str], Array]:
-    """(D,) [m] draws of mean and largest TCP error over the poses of what is stated.
+def error_draws(robot: RobotEstimate) -> tuple[Array, dict[tuple[str, str], Array]]:
+    """(G, 3) [m] tool at the poses of what is stated, and (D,) [m] draws of mean and largest TCP
+    error over them.
 
     Keys are `nominal` or `identified`, of which robot, and `mean` or `largest`.
     """
@@ -98,4 +99,4 @@ def error_draws(robot: RobotEstimate) -> dict[tuple[str, str], Array]:
     for name, shift in (("nominal", apart), ("identified", np.zeros(3))):
         sizes = np.linalg.norm(errors + shift, axis=2)
         draws[name, "mean"], draws[name, "largest"] = sizes.mean(axis=1), sizes.max(axis=1)
-    return draws
+    return actual, draws

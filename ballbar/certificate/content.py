@@ -18,23 +18,22 @@ from typing import Any
 import numpy as np
 
 from ballbar.cell.errors import InputError
-from ballbar.cell.files import name_from
 from ballbar.certificate.conformity import DRAWS, Tolerance, decide, error_draws
 from ballbar.certificate.details import CertificateDetails, load_details, measured_places
 from ballbar.certificate.words import Locale
 from ballbar.code_version import code_version
 from ballbar.ident.options import SILENT, FitOptions, Listener
+from ballbar.ident.result import RobotEstimate
 from ballbar.ident.robot.budget import Budget
 from ballbar.report.parameters import parameter_count
 from ballbar.report.provenance import hashed, input_places
-from ballbar.report.tcp_view import tcp_view
 from ballbar.result.calibration import Calibration, load
 from ballbar.result.compare import compare
 from ballbar.result.identify import identified
 from ballbar.result.performance import performance
 from ballbar.result.run_data import RunData
-from ballbar.result.temperature_entries import temperature_entry
 from ballbar.result.write_calibration import calibration_of
+from ballbar.units import MM
 
 SCHEMA = "ballbar-certificate/1"
 SAME = 1e-3  # of the stated TCP uncertainty, by which a result may differ on another computer
@@ -71,10 +70,10 @@ def certificate_content(
         "schema": SCHEMA,
         "locale": locale,
         "program": code_version(),
-        "details_file": name_from(base, details),
-        "result_file": name_from(base, calibration.path),
+        "details_file": _name(base, details),
+        "result_file": _name(base, calibration.path),
         "files": [
-            asdict(hashed(file.parent, file.name)) | {"name": name_from(base, file)}
+            asdict(hashed(file.parent, file.name)) | {"name": _name(base, file)}
             for file in dict.fromkeys(files)
         ],
         "details": stated.model_dump(exclude=_NOT_PRINTED, mode="json"),
@@ -83,7 +82,9 @@ def certificate_content(
             "instrument": calibration.file.instrument,
             "plate": calibration.file.plate,
         },
-        **_computed(run, stated),
+        "measurement": _measurement(run, computed, stated),
+        "result": _result(run, computed),
+        **_errors(run.identification.robot, stated.tolerance or Tolerance()),
         "budget": _budget(run.identification.budget),
         "performance": list(_performance(computed)),
     }
@@ -101,9 +102,14 @@ def digest_of(content: Content) -> str:
     return hashlib.sha256(canonical(content)).hexdigest()
 
 
+def _name(base: Path, file: Path) -> str:
+    """The name of a file from a folder, where links stay what they are."""
+    return Path(os.path.relpath(file, base)).as_posix()
+
+
 def _common(files: Sequence[Path]) -> Path:
     try:
-        common = Path(os.path.commonpath([file.resolve() for file in files]))
+        common = Path(os.path.commonpath([file.absolute() for file in files]))
     except ValueError:
         what = "lies on another drive than the recordings."
         raise InputError.at(files[0], what, "Copy them into one folder.") from None
@@ -127,28 +133,18 @@ def _check_follows(
         )
 
 
-def _computed(run: RunData, stated: CertificateDetails) -> Content:
-    """Everything that the recordings tell."""
-    view, result = tcp_view(run), run.identification
-    model, rule = result.robot.identified, stated.tolerance or Tolerance()
-    errors = []
-    for (robot, quantity), draws in error_draws(result.robot).items():
+def _errors(robot: RobotEstimate, rule: Tolerance) -> Content:
+    """Errors of the tool, where they are stated, and how they stand to the tolerance."""
+    model, errors = robot.identified, []
+    position, every = error_draws(robot)
+    for (which, quantity), draws in every.items():
         limit = getattr(rule, f"{quantity}_mm")
-        decision = asdict(decide(draws, (limit or 0.0) * 1e-3, rule))
-        errors.append({"robot": robot, "quantity": quantity, "tolerance_mm": limit, **decision})
+        decision = asdict(decide(draws, (limit or 0.0) / MM, rule))
+        errors.append({"robot": which, "quantity": quantity, "tolerance_mm": limit, **decision})
     return {
-        "simulated": any(d.kind == "simulated" for d in _descriptions(run)),
-        "measurement": _measurement(run, stated),
-        "result": _result(run),
-        "poses": len(view.position),
-        "volume_m": np.stack([view.position.min(axis=0), view.position.max(axis=0)], 1).tolist(),
+        "poses": len(position),
+        "volume_m": np.stack([position.min(axis=0), position.max(axis=0)], 1).tolist(),
         "joints_rad": np.stack([model.lower, model.upper], axis=1).tolist(),
-        "growth": [
-            {"name": c.name, "value": c.value, "sigma": c.sigma}
-            for correction in result.robot.corrections
-            if correction.name == "link_growth"
-            for c in correction.coefficients
-        ],
         "draws": DRAWS,
         "rule": rule.model_dump(mode="json") | {"coverage": rule.coverage, "risk": rule.risk},
         "errors": errors,
@@ -181,25 +177,25 @@ def _performance(computed: Calibration) -> Iterator[Content]:
             yield {"symbol": symbol, "poses": poses, "clause": row.clause, **numbers}
 
 
-def _descriptions(run: RunData) -> list[Any]:
-    tables = [*(c for _, c in run.tables), *(c for c, _ in run.held_out_tables)]
-    return [*(r.description for _, r in run.read), *(table.description for table in tables)]
-
-
-def _measurement(run: RunData, stated: CertificateDetails) -> Content:
-    """Names and extent of the recordings; temperatures as stated in the details, else as logged."""
+def _measurement(run: RunData, computed: Calibration, stated: CertificateDetails) -> Content:
+    """Names and extent of the recordings; day and temperatures as stated in the details, else as
+    the recordings have them.
+    """
     poses, times = run.identification.poses, [r.recording.robot_log.t for r in run.recordings]
-    groups = [group for _, content in run.tables for group in content.table.groups]
-    logged = [d.temperature_C for d in _descriptions(run) if hasattr(d, "temperature_C")]
-    logged += [float(t) for g in groups if g.temperature is not None for t in g.temperature]
-    known = [t for t in logged if t is not None]
-    warm = temperature_entry(run)
+    tables = [*(c for _, c in run.tables), *(c for c, _ in run.held_out_tables)]
+    described = [*(r.description for _, r in run.read), *(table.description for table in tables)]
+    columns = [group.temperature for _, c in run.tables for group in c.table.groups]
+    logged = [t for t in (*(d.temperature_C for d in described), *columns) if t is not None]
+    known = np.hstack(logged) if logged else np.zeros(0)
     mean, spread = stated.temperature_C, stated.temperature_spread_C
-    if mean is None and known:
-        mean = float(np.mean(known))
-    if spread is None and len(known) > 1:
-        spread = max(known) - min(known)
+    if mean is None and known.size:
+        mean = float(known.mean())
+    if spread is None and known.size > 1:
+        spread = float(np.ptp(known))
+    warm = computed.file.temperature
     return {
+        "simulated": any(d.kind == "simulated" for d in described),
+        "measured": stated.measured or computed.file.measured_on,
         "fitted": [r.name for r in run.recordings] + [name for name, _ in run.tables],
         "held_out": [outcome.name for outcome in run.outcomes],
         "seconds": float(sum(t[-1] - t[0] for t in times)),
@@ -207,19 +203,20 @@ def _measurement(run: RunData, stated: CertificateDetails) -> Content:
         "poses": 0 if poses is None else poses.table.size,
         "temperature_C": mean,
         "temperature_spread_C": spread,
-        "factor_to_20_C": None if warm is None else warm.factor_to_20_C,
-        "robot_expansion_per_K": None if warm is None else warm.robot_expansion_per_K,
+        "factor_to_20_C": warm and warm.factor_to_20_C,
+        "robot_expansion_per_K": warm and warm.robot_expansion_per_K,
     }
 
 
-def _result(run: RunData) -> Content:
-    result, verdict = run.identification, run.identification.verdict
+def _result(run: RunData, computed: Calibration) -> Content:
+    result, corrections = run.identification, run.identification.robot.corrections
+    grown = (c for known in corrections if known.name == "link_growth" for c in known.coefficients)
     return {
-        "status": str(verdict.status),
+        "status": str(result.verdict.status),
         "held_out_explained": all(outcome.acceptable for outcome in run.outcomes),
         "acceptable": run.acceptable,
-        "unknowns": parameter_count(result)
-        + sum(len(c.coefficients) for c in result.robot.corrections),
-        "tcp_sigma": float(result.robot.tcp.sigma.mean()),
+        "unknowns": parameter_count(result) + sum(len(c.coefficients) for c in corrections),
+        "tcp_sigma": computed.tcp_sigma,
         "tcp_sigma_without_scale": float(result.robot.tcp.without_scale.mean()),
+        "growth": [{"name": c.name, "value": c.value, "sigma": c.sigma} for c in grown],
     }

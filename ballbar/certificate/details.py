@@ -6,14 +6,15 @@ Every key may be left out or empty; the certificate then prints that it is missi
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
 from ballbar.cell.errors import InputError
-from ballbar.cell.schema import Line, NotNegative, Strict
+from ballbar.cell.schema import Day, Line, NotNegative, Strict
 from ballbar.cell.schema_errors import wrong_key
 from ballbar.cell.strict_yaml import check_schema, load_yaml, parse_model
+from ballbar.cell.temperature import Celsius
 from ballbar.certificate.conformity import Tolerance
 from ballbar.identify_settings import IdentifySettings
 from ballbar.result.names import RECORDING
@@ -21,9 +22,6 @@ from ballbar.result.names import RECORDING
 DETAILS = "ballbar-certificate-details/1"
 TEMPLATE = Path(__file__).with_name("job.yaml")
 _OF_THE_FIT = {"samples", "model", "corrections", "force", "rod_sigma_m", "accuracy_mm"}
-
-Date = Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]  # ISO 8601
-Celsius = Annotated[float, Field(ge=-50.0, le=100.0)]
 
 
 class RobotDetails(Strict):
@@ -43,7 +41,7 @@ class StandardDetails(Strict):
     maker: Line | None = None
     type: Line | None = None
     serial_number: Line | None = None
-    calibrated: Date | None = None
+    calibrated: Day | None = None
     calibrated_by: Line | None = None
     certificate: Line | None = None
     uncertainty: Line | None = None
@@ -65,7 +63,7 @@ class CertificateDetails(Strict):
     """Who issues it."""
     customer: Line | None = None
     """Whom it is for."""
-    issued: Date | None = None
+    issued: Day | None = None
     """Day of issue."""
     robot: RobotDetails = RobotDetails()
     instrument: StandardDetails = StandardDetails()
@@ -74,7 +72,7 @@ class CertificateDetails(Strict):
     """Who measured."""
     place: Line | None = None
     """Where the measurement was made."""
-    measured: Date | None = None
+    measured: Day | None = None
     """Day of measurement."""
     temperature_C: Celsius | None = None
     """Mean temperature of the air."""

@@ -5,18 +5,25 @@ from __future__ import annotations
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from ballbar.certificate.page import Page
+from ballbar.certificate.content import Content, canonical, digest_of
+from ballbar.certificate.words import Words
 
 OPENING, CLOSING = b'<script type="application/json" id="content">{', b"</script>"
 
 
-def html(page: Page, content: bytes) -> bytes:
-    """The file; content : canonical JSON, which is in it as it is but for its signs `<`."""
-    loader = PackageLoader("ballbar.certificate")
+def html(content: Content) -> bytes:
+    """The file, in which the content is as it is but for its signs `<`: no tag ends in it."""
+    embedded = canonical(content).decode().replace("<", "\\u003c")
+    return document(content, Markup(embedded)).encode()
+
+
+def document(content: Content, embedded: str = "") -> str:
+    """The printed certificate of a content, well-formed as XML."""
     environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True
+        loader=PackageLoader("ballbar.certificate"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
     )
-    # no tag of the page ends in it
-    embedded = Markup(content.decode().replace("<", "\\u003c"))
-    template = environment.get_template("certificate.html")
-    return template.render(page=page, embedded=embedded).encode()
+    words = {"w": Words(content["locale"]), "digest": digest_of(content), "embedded": embedded}
+    return environment.get_template("certificate.html").render(content | words)

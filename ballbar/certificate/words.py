@@ -28,7 +28,7 @@ class Words:
 
     locale: Locale
 
-    def __call__(self, key: str, **values: str) -> str:
+    def __call__(self, key: str, **values: object) -> str:
         return table()[key][LOCALES.index(self.locale)].format(**values)
 
     def source(self, name: str) -> str:
@@ -55,10 +55,27 @@ class Words:
         """The same with its unit."""
         return f"{self.length(value, sigma)}\u00a0mm"
 
+    def own(self, sigma: float) -> str:
+        """A standard uncertainty [m], or a contribution to one, in mm."""
+        return self.millimetres(sigma, sigma)
+
     def percent(self, share: float) -> str:
         return self.number(100.0 * share, 1)
 
-    def ranges(self, ends: Iterable[Iterable[float]]) -> str:
-        """Pairs of ends, each `low to high`."""
-        shown = ([self.number(float(end), 0) for end in pair] for pair in ends)
+    def probability(self, probability: float, least: float) -> str:
+        """In percent; what hardly any draw shows is stated as a limit."""
+        if least <= probability <= 1.0 - least:
+            return f"{self.percent(probability)}\u00a0%"
+        limit = 1.0 - least if probability > 0.5 else least
+        return self("above" if probability > 0.5 else "below", percent=self.percent(limit))
+
+    def extent(self, measured: dict[str, float]) -> str:
+        """Seconds and instants of motion, and poses at rest, as far as there are any."""
+        counts = {key: self.number(measured[key], 0) for key in ("seconds", "samples", "poses")}
+        kinds = {"moving": "samples", "still": "poses"}
+        return ", ".join(self(kind, **counts) for kind, key in kinds.items() if measured[key])
+
+    def ranges(self, ends: Iterable[Iterable[float]], factor: float) -> str:
+        """Pairs of ends, each `low to high`, times a factor."""
+        shown = ([self.number(factor * end, 0) for end in pair] for pair in ends)
         return "; ".join(self("range", low=low, high=high) for low, high in shown)

@@ -65,13 +65,17 @@ def _write(result: Path, details: Path, place: Path | None, locale: Locale) -> N
     from ballbar.ident.options import Listener
 
     place = place or details.parent
-    files = [place] if place.suffix in KINDS else [place / f"certificate{kind}" for kind in KINDS]
+    files = (
+        [place]
+        if place.suffix.lower() in KINDS
+        else [place / f"certificate{kind}" for kind in KINDS]
+    )
     with progress_bar() as progress:
         content, base = certificate_content(
             result, details, locale=locale, listener=Listener(progress)
         )
     content["base"] = name_from(files[0].parent, base)
-    write_new_together({each: certificate_file(content, each.suffix) for each in files})
+    write_new_together({each: certificate_file(content, each.suffix.lower()) for each in files})
     for each in files:
         out.print(f"Wrote {escape(str(each))}")
     for error in content["errors"]:
@@ -81,7 +85,8 @@ def _write(result: Path, details: Path, place: Path | None, locale: Locale) -> N
 
 
 def _check(file: Path, inputs: Path | None) -> None:
-    from ballbar.certificate.check import check_certificate
+    from ballbar.certificate.check import check_certificate, content_of
+    from ballbar.code_version import code_version
     from ballbar.ident.options import Listener
 
     with progress_bar() as progress:
@@ -90,4 +95,6 @@ def _check(file: Path, inputs: Path | None) -> None:
         out.print(f"[bold red]does not hold:[/] {escape(problem)}")
     if not problems:
         out.print("[bold green]holds:[/] its files, its numbers computed again, and its text")
+        if (program := content_of(file)[0]["program"]) != code_version():
+            out.print(f"It names the program {escape(program)}; this is {code_version()}.")
     raise typer.Exit(1 if problems else 0)

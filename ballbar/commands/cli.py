@@ -116,7 +116,8 @@ def _requirement_of(error: ModuleNotFoundError) -> str | None:
     from importlib.metadata import requires
 
     module = (error.name or "").partition(".")[0]
-    names = {"mujoco": "mujoco-core", "rerun": "rerun-sdk", "cv2": "opencv-python-headless"}
+    names = {"mujoco": "mujoco-core", "rerun": "rerun-sdk", "fpdf": "fpdf2"}
+    names |= {"cv2": "opencv-python-headless"}
     name = names.get(module, module)
     lines = (line.partition(";")[0].strip() for line in requires("ballbar-bench") or ())
     return next((line for line in lines if re.split(r"[^\w-]", line)[0] == name), None)

@@ -62,7 +62,7 @@ def history(
         more, in any order.
     --tolerance-mm MM : Mean TCP error up to which the robot may run: says when the next calibration
         is due.
-    --out FILE : New page (.html) or figure (.svg).
+    --out FILE : New page (.html), or its figure alone (.png, .svg).
     """
     from ballbar.history.history import due, read_history
     from ballbar.history.show import history_data, say_history, write_history

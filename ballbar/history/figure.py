@@ -1,104 +1,84 @@
-"""Figure of a history: for each axis what the results state over time, and what is fitted to it."""
+"""Figure of a history: by how much each axis moved the tool since the first result."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
-from matplotlib.rcsetup import cycler
+from matplotlib.lines import Line2D
 
 from ballbar.cell.arrays import Array
-from ballbar.figure_style import FRAME, LINES, RED, svg_text
+from ballbar.figure_style import BLUE, BROWN, FRAME, GREEN, ORANGE, PURPLE, RED, svg_text
 from ballbar.history.events import SeriesFit
 from ballbar.history.history import History
-from ballbar.units import MRAD, URAD
+from ballbar.units import UM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.typing import RcKeyType
 
-_STYLE: dict[RcKeyType, Any] = {
-    **FRAME,
-    **{"svg.hashsalt": "history", "font.size": 8.0, "axes.titlesize": 8.5, "lines.linewidth": 1.1},
-    **{"legend.frameon": True, "legend.framealpha": 0.7, "legend.edgecolor": "none"},
-    **{"legend.fontsize": 6, "legend.handlelength": 1.0, "axes.prop_cycle": cycler(color=LINES)},
+_STYLE: dict[RcKeyType, Any] = {**FRAME, "svg.hashsalt": "history", "font.size": 8.0}
+KINDS = {  # name and colour
+    "zero": ("zero", BLUE),
+    "twist": ("angle to the next axis", ORANGE),
+    "backlash": ("backlash", GREEN),
+    "compliance": ("compliance, of a newton metre", PURPLE),
+    "ripple": ("ripple", BROWN),
 }
-# Columns of the figure: kinds, title, unit and factor
-_COLUMNS = (
-    (("zero", "twist"), "zero and angle to the next axis, change", "mrad", MRAD),
-    (("backlash",), "backlash, half width", "mrad", MRAD),
-    (("compliance",), "compliance", "urad/(N m)", URAD),
-    (("ripple",), "ripple, amplitude", "mrad", MRAD),
-)
 
 
-def history_figure(history: History) -> Figure:
-    """A row of panels for each axis, a column for each kind of quantity."""
+def history_figure(history: History, title: str = "") -> Figure:
+    """A panel for each axis, all of one scale; quantities with an event are drawn strong."""
     axes = sorted({fit.series.axis for fit in history.fits})
-    present = {fit.series.kind for fit in history.fits}
-    columns = [column for column in _COLUMNS if present & set(column[0])]
-    size = (max(6.0, 2.9 * len(columns)), 0.6 + 1.5 * max(1, len(axes)))
-    figure = Figure(figsize=size, layout="constrained")
     days = np.array([r.day for r in history.results], dtype="datetime64[D]")
-    margin = 1 + (days[-1] - days[0]) // 30
-    panels = figure.subplots(len(axes), len(columns), squeeze=False) if axes else np.zeros((0, 0))
-    for column, (kinds, title, unit, factor) in zip(panels.T, columns, strict=True):
-        column[0].set_title(title, loc="left")
-        for panel, axis in zip(column, axes, strict=True):
-            fits = [f for f in history.fits if f.series.axis == axis and f.series.kind in kinds]
-            panel.set(ylabel=f"axis {axis} [{unit}]", xlim=(days[0] - margin, days[-1] + margin))
-            if fits:
-                _draw(panel, fits, days, factor)
-            else:
-                panel.set_axis_off()
+    figure = Figure(figsize=(8.0, 1.2 + 1.1 * len(axes)), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=8.5)
+    if not axes:
+        return figure
+    grid = figure.subplots(len(axes), sharex=True, sharey=True, squeeze=False)[:, 0]
+    for panel, axis in zip(grid, axes, strict=True):
+        panel.set_ylabel(f"axis {axis} [um]")
+        own = [fit for fit in history.fits if fit.series.axis == axis]
+        for fit in sorted(own, key=lambda fit: (bool(fit.events), fit.series.kind == "zero")):
+            _draw(panel, fit, days)
+    locator = AutoDateLocator(minticks=3)  # type: ignore[no-untyped-call]
+    formatter = ConciseDateFormatter(locator)  # type: ignore[no-untyped-call]
+    grid[-1].xaxis.set(major_locator=locator, major_formatter=formatter)
+    present = {fit.series.kind for fit in history.fits}
+    shown = [Line2D([], [], color=c, label=n) for k, (n, c) in KINDS.items() if k in present]
+    figure.legend(handles=shown, loc="outside lower center", ncols=5)
     return figure
 
 
-def _draw(panel: Axes, fits: Sequence[SeriesFit], days: Array, factor: float) -> None:
-    """The series of one axis and of one column."""
-    names = sorted(dict.fromkeys(map(_name, fits)), key=lambda name: name == "angle")
-    for colour, name in zip(LINES, names, strict=False):
-        members = [fit for fit in fits if _name(fit) == name]
-        value, sigma, line, band = (factor * part for part in _drawn(members))
-        at = days[members[0].series.dates]
-        steps = sorted({e.at for fit in members for e in fit.events if not e.drift})
-        for part in np.split(np.arange(at.size), steps):
-            own, spread = line[part], 2.0 * band[part]
-            panel.fill_between(at[part], own - spread, own + spread, color=colour, alpha=0.2, lw=0)
-            panel.plot(at[part], own, color=colour)
-        panel.errorbar(at, value, 2.0 * sigma, fmt="o", ms=2.2, lw=0.6, color=colour, label=name)
-        for step in steps:
-            panel.axvspan(at[step - 1], at[step], color=RED, alpha=0.15, lw=0)
-    if fits[0].series.kind in ("zero", "twist", "ripple"):
-        panel.legend(ncols=3, columnspacing=0.8)
-    locator = AutoDateLocator(minticks=3, maxticks=6)  # type: ignore[no-untyped-call]
-    panel.xaxis.set_major_locator(locator)
-    panel.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+def _draw(panel: Axes, fit: SeriesFit, days: Array) -> None:
+    """A series, in micrometres of the tool."""
+    series, factor, strong = fit.series, UM * fit.series.effect, bool(fit.events)
+    at, (_, colour) = days[series.dates], KINDS[series.kind]
+    value, line = (factor * (part - fit.fitted[0]) for part in (series.value, fit.fitted))
+    style: dict[str, Any] = {
+        "color": colour,
+        "lw": 1.4 if strong else 0.6,
+        "alpha": 1.0 if strong else 0.4,
+    }
+    steps = sorted(event.at for event in fit.events if not event.drift)
+    panel.errorbar(at, value, 2.0 * factor * fit.sigma, fmt="o", ms=3 if strong else 1.5, **style)
+    for part in np.split(np.arange(at.size), steps):
+        panel.plot(at[part], line[part], **style)
+    for step in steps:
+        panel.axvspan(at[step - 1], at[step], color=RED, alpha=0.12, lw=0)
 
 
-def _name(fit: SeriesFit) -> str:
-    """Name of a line, which sine and cosine of a ripple share."""
-    if fit.series.kind == "ripple":
-        return f"{fit.series.name.split('_')[1]} a turn"
-    return "angle" if fit.series.kind == "twist" else fit.series.kind
-
-
-def _drawn(members: Sequence[SeriesFit]) -> tuple[Array, Array, Array, Array]:
-    """Values, deviations, line and its deviations; the amplitude of sine and cosine."""
-    first, kind = members[0], members[0].series.kind
-    if kind != "ripple":
-        start = first.fitted[0] if kind in ("zero", "twist") else 0.0
-        return first.series.value - start, first.sigma, first.fitted - start, first.fitted_sigma
-    value = np.linalg.norm([m.series.value for m in members], axis=0)
-    line = np.linalg.norm([m.fitted for m in members], axis=0)
-    return value, first.sigma, line, first.fitted_sigma
-
-
-def history_svg(history: History) -> str:
-    """The figure as SVG."""
+def history_image(history: History, sentences: Sequence[str], kind: str) -> bytes:
+    """The figure as a file; kind : its ending, .svg or .png."""
     with matplotlib.rc_context(_STYLE):
-        return svg_text(history_figure(history))
+        figure = history_figure(history, "\n".join(sentences))
+        if kind == ".svg":
+            return svg_text(figure).encode()
+        image = BytesIO()
+        figure.savefig(image, format="png", dpi=200)
+        return image.getvalue()

@@ -17,7 +17,7 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.files import write_new
 from ballbar.cell.number_text import significant_text
 from ballbar.history.events import SeriesFit
-from ballbar.history.figure import history_svg
+from ballbar.history.figure import history_image
 from ballbar.history.history import AxisFinding, Due, History, Pair
 from ballbar.report.numbers import MISSING, decimals_for, listed
 from ballbar.report.section import template
@@ -169,20 +169,16 @@ def write_history(path: Path, history: History, due: Due | None) -> None:
 
     Raises InputError for another ending, and where the file exists.
     """
-    if path.suffix not in (".html", ".svg"):
-        what = f"ends in {path.suffix or 'nothing'}, and a history is written as"
-        raise InputError.at(path, what, ".html or .svg.")
-    text = _page(history, due) if path.suffix == ".html" else history_svg(history)
-    write_new(path, text.encode())
-
-
-def _page(history: History, due: Due | None) -> str:
-    """The history as one page of HTML."""
-    return template("history.html").render(
-        history=history,
-        title=history.results[0].calibration.robot.title,
-        sentences=[*sentences(history), *([due_sentence(due)] if due else [])],
-        head=HEAD,
-        rows=rows(history),
-        figure=Markup(history_svg(history)),
+    kind, title = path.suffix.lower(), history.results[0].calibration.robot.title
+    said = [*sentences(history), *([due_sentence(due)] if due else [])]
+    if kind not in (".html", ".svg", ".png"):
+        what = f"ends in {kind or 'nothing'}, and a history is written as"
+        raise InputError.at(path, what, ".html, .svg or .png.")
+    if kind != ".html":
+        write_new(path, history_image(history, [title, *said], kind))
+        return
+    figure = Markup(history_image(history, (), ".svg").decode())
+    page = template("history.html").render(
+        history=history, title=title, sentences=said, head=HEAD, rows=rows(history), figure=figure
     )
+    write_new(path, page.encode())

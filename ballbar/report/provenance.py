@@ -14,7 +14,10 @@ from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+from ballbar.acquisition.pose_tables import PoseImport
 from ballbar.acquisition.recording import Recording
+from ballbar.acquisition.table.text import MOST_BYTES
+from ballbar.cell.foreign_files import open_regular
 from ballbar.cell.plugins import LOADED
 from ballbar.report.section import MACHINE, Section, section
 from ballbar.result.run_data import RunData
@@ -56,25 +59,38 @@ def _inputs(data: RunData) -> list[InputFile]:
     """The files of every recording, below its name where there are several, and every table."""
     files = [hashed(scenario.parent, scenario.name) for scenario in data.scenario_files]
     for prefix, folder, name in input_places(data):
-        file = hashed(folder, name)
-        files.append(replace(file, name=f"{prefix}{file.name}"))
+        shown = PureWindowsPath(name).name if _is_absolute(name) else name
+        files.append(replace(hashed(folder, name), name=f"{prefix}{shown}"))
     return files
 
 
 def input_places(data: RunData) -> Iterator[tuple[str, Path, str]]:
     """(prefix, folder, name) of each file of every recording and table; the prefix tells them
     apart.
+
+    Of logs and poses that were given as arrays there are none.
     """
     for name, recording in data.read:
-        several = len(data.read) > 1
-        for file in input_names(recording):
-            yield f"{name}/" if several else "", recording.folder or Path(), file
+        prefix = f"{name}/" if len(data.read) > 1 else ""
+        file = recording.folder and recording.folder / "recording.yaml"
+        yield from _places(prefix, file, recording)
     held_out = [(outcome.name, content) for content, outcome in data.held_out_tables]
     for name, content in (*data.tables, *held_out):
-        if (described := content.file) is None:  # poses that were given as arrays
-            continue
-        for each in dict.fromkeys((described.name, *(f.file for f in content.report.files))):
-            yield f"{name}/", described.parent, each
+        yield from _places(f"{name}/", content.file, content)
+
+
+def _places(
+    prefix: str, file: Path | None, read: Recording | PoseImport
+) -> Iterator[tuple[str, Path, str]]:
+    """A file that describes measured data, the data, and the descriptions that it brings itself."""
+    if file is not None:
+        keys = ("robot", "ballbar", "instrument", "plate")
+        named = [getattr(read.description, key, None) for key in keys]
+        named += [table.instrument for table in getattr(read.description, "tables", ())]
+        described = [name for name in named if name and name.endswith(".yaml")]
+        data = [source.file for source in read.report.files]
+        for name in dict.fromkeys((file.name, *data, *described)):
+            yield prefix, file.parent, name
 
 
 def versions(*, simulated: bool) -> list[tuple[str, str]]:
@@ -86,30 +102,9 @@ def versions(*, simulated: bool) -> list[tuple[str, str]]:
     return own + sorted(LOADED.items())
 
 
-def input_files(recording: Recording) -> list[InputFile]:
-    """The files of `input_names`. Raises OSError when one of them is gone."""
-    return [hashed(recording.folder or Path(), name) for name in input_names(recording)]
-
-
-def input_names(recording: Recording) -> list[str]:
-    """recording.yaml, the device files, and the descriptions that the recording brings itself.
-
-    Of logs that were given as arrays there are none.
-    """
-    file = recording.description
-    if recording.folder is None:
-        return []
-    descriptions = [
-        name
-        for name in (file.robot, file.measured_by, file.plate)
-        if name.endswith(".yaml") and not _is_absolute(name)
-    ]
-    return ["recording.yaml", *(source.file for source in recording.report.files), *descriptions]
-
-
 def hashed(folder: Path, name: str) -> InputFile:
-    """Size and SHA-256 of a file of `folder`. Raises OSError."""
-    with (folder / name).open("rb") as file:
+    """Size and SHA-256 of a regular file of `folder`. Raises OSError."""
+    with open_regular(folder / name, MOST_BYTES) as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
         return InputFile(name, file.tell(), digest)
 

@@ -27,7 +27,7 @@ from ballbar.cell.recording import load_recording_file
 from ballbar.cell.typical_machine import with_typical
 from ballbar.ident.estimator.build_unknowns import arm_parameters
 from ballbar.ident.loads.at_rest import backlash_flanks
-from ballbar.ident.loads.gear_loads import arm_mass, mass_model, own_weight
+from ballbar.ident.loads.gear_loads import mass_model, own_weight
 from ballbar.ident.result import Identification
 from ballbar.ident.robot.accuracy import accuracy_grid, position_error
 from ballbar.ident.robot.identified import IdentifiedRobot
@@ -264,7 +264,7 @@ def true_tool(
             cell = replace(cell, robot=with_typical(robot)[0])
         loaded = cell if plant.masses is None else plant.masses.on(cell)
         weight = own_weight(mass_model(loaded), geometry, q).gear.T
-        side = backlash_flanks(weight.T, arm_mass(mass_model(loaded))).T
+        side = backlash_flanks(weight.T).T
         gears = (
             gears
             - weight / np.array(plant.gear_stiffness_N_m_per_rad)

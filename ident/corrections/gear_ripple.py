@@ -2,7 +2,8 @@
 
 The orders are those of the robot's file, per turn of the output, and the first two of each motor's
 turn; a wrong order does not help (notes/identification sec. 6: 40 taken as 41 leaves half of the
-error). Sine and cosine of each, since the phase is unknown.
+error). Sine and cosine of each, since the phase is unknown: of an expected amplitude A each has the
+variance A^2 / 2 (arcsine distribution, JCGM 101:2008, 6.4.6).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from ballbar.cell.descriptions import Robot
 from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State, remade
 
 RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn (notes/plant, motor_position_sensor)
+SQRT2 = float(np.sqrt(2.0))
 WAVES = {"sin": np.sin, "cos": np.cos}
 
 
@@ -38,7 +40,7 @@ def gear_ripple(robot: Robot) -> Correction:
         return [WAVES[wave](order * state.gears[gear]) for gear, order, _, wave in terms]
 
     coefficients = tuple(
-        Coefficient(f"ripple{gear + 1}_{order:.6g}_{wave}", "rad", 0.0, size, GEAR + gear)
+        Coefficient(f"ripple{gear + 1}_{order:.6g}_{wave}", "rad", 0.0, size / SQRT2, GEAR + gear)
         for gear, order, size, wave in terms
     )
     return Correction("gear_ripple", "transmission error and resolvers", coefficients, regressors)

@@ -39,7 +39,6 @@ TILT_PRIOR = 3e-3  # [rad] of the ball-bar's base (notes/plant, base: 1 mrad)
 ENCODER_OFFSET_PRIOR = 1.0  # [rad]
 CLOCK_PRIOR = 1.0, 1e-3  # offset [s] and skew [1] around what the start has found
 STEP_PRIOR = 1.0  # [s] of a clock step
-GAIN_PRIOR = 0.03  # of a measured rod force: two gains of 2 % (notes/identification sec. 1)
 TENSION_PRIOR = 60.0  # [N] of a knot of an unmeasured rod force (notes/identification sec. 4)
 PLACEMENT_PRIOR = 1.0  # [m, rad] of seats and targets about their start: keeps steps finite
 
@@ -95,13 +94,13 @@ def complete_unknowns(
     recordings: Sequence[RecordingStart],
     corrections: Sequence[Correction],
     *,
-    measured_force: bool,
+    gain_sigma: float | None,
     rod_sigma: float | None,
     still: PlacedPoses | None = None,
 ) -> tuple[Unknowns, Array]:
     """Unknowns of the complete model with priors of physical size; and the vector to start from.
 
-    measured_force : whether the rod's force was logged, so that its gain is an unknown.
+    gain_sigma : of the gain of a logged rod force, which is an unknown; None where none was logged.
     rod_sigma : [m] of a measured rod length; None for the catalogue's tolerance. still : poses
     that are fitted together with the recordings.
     """
@@ -111,7 +110,7 @@ def complete_unknowns(
     shared = [name for name in shared_names(table) if name not in fixed]
     priors = {name: prior_sigma(cell, name, rod_sigma) for name in shared}
     indices, coefficients = build.machine(nominal, priors, corrections)
-    gain = build.add("force_gain", 0.0, GAIN_PRIOR) if measured_force else None
+    gain = None if gain_sigma is None else build.add("force_gain", 0.0, gain_sigma)
     several = len(recordings) > 1
     own = [_own(build, r, f"@{k}" if several else "") for k, r in enumerate(recordings, start=1)]
     placed = NOWHERE if still is None else _placed(build, still)

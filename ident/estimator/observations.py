@@ -69,7 +69,9 @@ class StillPoses:
         self, masses: MassModel | None, geometry: Geometry, to_gear: Array, width: Array
     ) -> State:
         """State of the robot for the regressors; arguments as of `state_at_rest`."""
-        return state_in_order(masses, geometry, self.group.q, to_gear, width)
+        state = state_in_order(masses, geometry, self.group.q, to_gear, width)
+        flanks = self.group.flanks
+        return state if flanks is None else replace(state, flanks=flanks.T)
 
     def bar_angles(self, geometry: Geometry, q: Array, ballbar: Array) -> Array:
         """(N, 5) zeros: no ball-bar holds the tool."""

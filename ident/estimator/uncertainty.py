@@ -9,8 +9,9 @@ contributes is not inflated, unless the lengths that are known beforehand contra
 
 Ripple that no file lists (ballbar.ident.estimator.unlisted_ripple) would show in the blocks as
 well. They are those of the residual without it, and it has a term of its own: the variance of the
-estimate that allows for it, and the square of what this differs by from the one of white noise,
-since the model of that ripple stands for errors of other forms too.
+estimate that allows for it, and what this differs by from the one of white noise, since the model
+of that ripple stands for errors of other forms too. Either estimate may be nearer to the truth: a
+share DOUBT of their difference is a standard deviation.
 
 Rod, plate and axis offsets give the scale, and no log tells one of them from the other, only their
 sum: what the data take from the prior of each is less than all. With priors of covariance D and a
@@ -34,6 +35,13 @@ nobody knows. Of the estimate x and the one in which such unknowns are at their 
 
 either may be nearer to the truth: a share DOUBT of their difference, which grows with what stands
 beyond the priors, is a standard deviation.
+
+The gain of a measured tension is fitted beside the errors of its log, as if those of one knot said
+nothing of the next. They are those of a friction law and of masses, so they repeat with the motion:
+logs of motor torques had the tension wrong by a factor of 1.9 % where independent knots would leave
+0.8 %, and fitted gains were off by 3 %. So nothing that the geometry says of the gain counts: the
+estimate at a gain off by its prior's deviation is a candidate too. Softer gears under a smaller
+tension look the same.
 
 Masses, lengths and instrument angles that a fit takes as given are consider parameters (Schmidt
 1966; Tapley, Schutz & Born 2004, sec. 6.4): with the residual's change `r_m` for one standard
@@ -127,11 +135,11 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
     inflation = np.sqrt(np.maximum(1.0, variance / white))
     inflated = misfit * data * np.outer(inflation, inflation)
-    beside = np.column_stack((ripple.shifts, ripple.step))
+    beside = np.column_stack((ripple.shifts, DOUBT * ripple.step))
     by_ripple = beside @ beside.T
     added = inflated + by_ripple - data
     lengths = known_lengths(layout, fit.x + ripple.step, fit.covariance, added)
-    candidates = np.column_stack((_left_out(fit), beside))
+    candidates = np.column_stack((_left_out(fit), beside, _gain(fit)))
     pulled = DOUBT * doubted_shift(fit, lengths.unknowns)
     doubt = np.column_stack((lengths.doubt, pulled))
     covariance = inflated + prior + doubt @ doubt.T + candidates @ candidates.T
@@ -177,6 +185,18 @@ def _left_out(fit: Fit) -> Array:
     tilts = held_tilts(layout.names, sizes)
     terms = (part.of(layout.names) for part in fit.left_out)
     return np.column_stack([tilts, *terms])
+
+
+def _gain(fit: Fit) -> Array:
+    """(P, K) shift by which the gain of the measured tension is as open as by its prior."""
+    layout = fit.model.unknowns
+    if layout.gain is None:
+        return np.zeros((fit.x.size, 0))
+    own = fit.covariance[:, [layout.gain]]
+    known = own[layout.gain]
+    return np.asarray(
+        own / known * np.sqrt(np.maximum(0.0, layout.sigma[layout.gain] ** 2 - known))
+    )
 
 
 def variance_by_blocks(

@@ -16,7 +16,6 @@ from ballbar.ident.corrections.base import Channel, Correction, State, backlash_
 from ballbar.ident.loads.gear_loads import (
     BEARINGS,
     MassModel,
-    arm_mass,
     link_masses,
     mass_model,
     no_loads,
@@ -25,19 +24,37 @@ from ballbar.ident.loads.gear_loads import (
 
 # [N m] load under which backlash counts in the middle (notes/identification sec. 1, metric)
 UNDECIDED, UNDECIDED_WRIST = 3.0, 0.15
+OPEN = 3.0  # to which factor the friction of a small arm's joints is known
 
 
-SMALL = 10.0  # [kg] of an arm whose joints have less friction: of like arms as mass^(4/3)
+def undecided_loads(joints: int, masses: MassModel | None) -> Array:
+    """(J,) [N m] load below which the weight does not tell the flank of a gear's backlash."""
+    if masses is None or masses.friction is None:
+        return by_axis(joints, main=UNDECIDED, wrist=UNDECIDED_WRIST)
+    return masses.friction
 
 
-def backlash_flanks(load: Array, mass: float = SMALL) -> Array:
+def backlash_flanks(load: Array, masses: MassModel | None = None) -> Array:
     """(J, N) flank, -1, 0 or 1, on which gears at rest lie under a load (J, N) [N m].
 
-    0 where the load hardly decides. mass : [kg] of the arm without its base.
+    0 where the load hardly decides.
     """
-    undecided = by_axis(len(load), main=UNDECIDED, wrist=UNDECIDED_WRIST)
-    undecided = undecided * min(1.0, mass / SMALL) ** (4.0 / 3.0)
-    return np.where(np.abs(load) < undecided[:, None], 0.0, np.sign(load))
+    undecided = undecided_loads(len(load), masses)[:, None]
+    return np.where(np.abs(load) < undecided, 0.0, np.sign(load))
+
+
+def undecided_flanks(
+    description: Cell | Robot, geometry: Geometry, corrections: Sequence[Correction], q: Array
+) -> Array:
+    """(J, N) 1 where friction may hold a gear of a small arm on either flank, else 0.
+
+    Arguments as of `regressors_at_rest`.
+    """
+    masses, geometry, robot = _loaded(description, geometry, corrections)
+    if masses is None or masses.friction is None:
+        return np.zeros((robot.joints, len(q)))
+    load = own_weight(masses, geometry, q).gear
+    return np.asarray(np.abs(load) < OPEN * masses.friction[:, None], dtype=float)
 
 
 def regressors_at_rest(
@@ -48,18 +65,23 @@ def regressors_at_rest(
     A cell's robot of this geometry carries plate and instrument; a robot alone is loaded by its
     links, as its file places them.
     """
-    masses: MassModel | None
-    if isinstance(description, Cell):
-        robot, masses = description.robot, mass_model(description)
-    else:
-        robot, geometry = description, robot_geometry(description)
-        loaded = any(correction.slopes is not None for correction in corrections)
-        masses = link_masses(robot) if loaded else None
+    masses, geometry, robot = _loaded(description, geometry, corrections)
     state = state_at_rest(masses, geometry, q, robot.joint_to_gear, backlash_transition(robot))
     for correction in corrections:
         regressors = correction.regressors(state)
         for coefficient, regressor in zip(correction.coefficients, regressors, strict=True):
             yield coefficient.channel, regressor
+
+
+def _loaded(
+    description: Cell | Robot, geometry: Geometry, corrections: Sequence[Correction]
+) -> tuple[MassModel | None, Geometry, Robot]:
+    """Masses that load the gears, None where no correction needs them; geometry; and the robot."""
+    if isinstance(description, Cell):
+        return mass_model(description), geometry, description.robot
+    loaded = any(correction.slopes is not None for correction in corrections)
+    masses = link_masses(description) if loaded else None
+    return masses, robot_geometry(description), description
 
 
 def state_in_order(
@@ -71,7 +93,7 @@ def state_in_order(
     joint came. Of larger ones the play is small, and programs move between the poses of a table.
     """
     state = state_at_rest(masses, geometry, q, to_gear, width)
-    if masses is None or arm_mass(masses) >= SMALL:
+    if masses is None or masses.friction is None:
         return state
     came = np.sign(np.diff(state.gears, axis=1, prepend=state.gears[:, :1]))
     flanks = state.load_sign()
@@ -99,7 +121,7 @@ def state_at_rest(
         width=width,
         gear_speed=still,
         gear_acceleration=still,
-        flanks=backlash_flanks(weight.gear, SMALL if masses is None else arm_mass(masses)),
+        flanks=backlash_flanks(weight.gear, masses),
     )
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 TRAVEL = 1e-4  # [rad] over which friction of a ball-bar's joint builds up after a reversal; assumed
+SMALL = 10.0  # [kg] of an arm without base that pictures or poses show play of: hobby servos
 BEARINGS = 3  # joints, from the base, whose bearings carry moments that tilt them
 
 
@@ -80,6 +81,7 @@ class MassModel:
     gravity: Array  # (3,) [m/s^2]
     gear_to_joint: Array  # (J, J)
     rod: float | None = None  # [kg] of a rod whose length is sensed; None for a ball-bar
+    friction: Array | None = None  # (J,) [N m] that holds a gear of a small arm on either flank
 
 
 def mass_model(cell: Cell) -> MassModel:
@@ -97,15 +99,12 @@ def mass_model(cell: Cell) -> MassModel:
     )
 
 
-def arm_mass(masses: MassModel) -> float:
-    """[kg] of the arm without its base."""
-    return sum(link.mass for links in masses.arm for link in links)
-
-
 def link_masses(robot: Robot) -> MassModel:
     """The links of a robot alone, whatever it carries. Raises InputError where it states none."""
-    links = [[link] for link in link_bodies(robot)]
-    return MassModel(links, [], robot.gravity, robot.gear_to_joint)
+    links, friction = [[link] for link in link_bodies(robot)], None
+    if robot.gears is not None and sum(link.mass for (link,) in links) < SMALL:
+        friction = robot.gears.static
+    return MassModel(links, [], robot.gravity, robot.gear_to_joint, friction=friction)
 
 
 def loads(

@@ -21,7 +21,13 @@ from ballbar.cell.geometry import Geometry
 from ballbar.cell.logs import ForceLog, RobotLog
 from ballbar.ident.estimator.samples import Samples
 from ballbar.ident.loads.gear_loads import Loads, loads, mass_model
-from ballbar.ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torque, on_flange
+from ballbar.ident.loads.rod_tension import (
+    ROUNDS,
+    Tension,
+    from_force_sensor,
+    from_motor_torque,
+    on_flange,
+)
 
 KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (notes/identification sec. 4)
 LEAST_KNOTS = 8
@@ -134,11 +140,11 @@ def sensor_tension(
     middle, wrench = _block_means(log.t, log.t, log.wrench)
     at = samples.robot_time(clock, samples.times)
     q, ballbar = samples.robot.spline(at), samples.ballbar_angles(geometry, clock)
-    known, direction = on_flange(cell, geometry, q, ballbar)
+    load = on_flange(cell, geometry, q, ballbar)
 
-    def at_lag(lag: float) -> tuple[Tension, float]:
+    def at_lag(lag: float, rounds: int = 1) -> tuple[Tension, float]:
         measured = np.stack([np.interp(at - lag, middle, column) for column in wrench.T])
-        return from_force_sensor(measured, known, direction)
+        return from_force_sensor(measured, load, rounds)
 
     lags = np.arange(-SENSOR_LAG, SENSOR_LAG + 0.5 * LAG_STEP, LAG_STEP)
     best = float(lags[int(np.argmin([at_lag(float(lag))[1] for lag in lags]))])
@@ -147,7 +153,7 @@ def sensor_tension(
         bounds=(best - LAG_STEP, best + LAG_STEP),
         method="bounded",
     )
-    return at_lag(float(refined.x))[0].force
+    return at_lag(float(refined.x), ROUNDS)[0].force
 
 
 def _block_means(t: Array, stamps: Array, values: Array) -> tuple[Array, Array]:

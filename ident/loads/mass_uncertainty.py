@@ -10,6 +10,7 @@ third or so of them.
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.bodies import carried_bodies, flange_on_last_link, link_rotations
@@ -31,14 +32,17 @@ NEAR = 0.01  # [m] between the point masses that give a first moment
 
 def stated_covariance(cell: Cell) -> Array:
     """(4 + 4 J, 4 + 4 J) of the deviations of a cell's bodies from its files."""
-    body, joints = cell.plate.body, cell.robot.joints
-    factor = np.eye(4 + 4 * joints)
-    factor[0, 0] = body.mass
-    factor[1:4, 0] = body.mass * body.com  # a heavier tool has its moment with it
-    factor[1:4, 1:4] = body.mass * np.eye(3)
     link = [LINK_PRIOR, *[CENTRE_PRIOR] * 3]
-    factor *= np.array([TOOL_PRIOR, *[TOOL_CENTRE_PRIOR] * 3, *link * joints])
-    return factor @ factor.T
+    factor = block_diag(stated_tool(cell), np.diag(link * cell.robot.joints))
+    return np.asarray(factor @ factor.T)
+
+
+def stated_tool(cell: Cell) -> Array:
+    """(4, 4) [kg, kg m] independent deviations of the tool from its file, one a column."""
+    body = cell.plate.body
+    factor = body.mass * np.eye(4)
+    factor[1:, 0] = body.mass * body.com  # a heavier tool has its moment with it
+    return np.asarray(factor * np.array([TOOL_PRIOR, *[TOOL_CENTRE_PRIOR] * 3]))
 
 
 def deviated_cells(cell: Cell, covariance: Array) -> tuple[Cell, ...]:

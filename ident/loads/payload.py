@@ -140,7 +140,7 @@ def _estimate(
     logs = [recording.log for recording in recordings]
     mean, prior = _priors(cell)
     regression = _Regression(rest - np.einsum("pjn,p->jn", design, mean), design, logs)
-    change, covariance, blocked = regression.solved(prior)
+    change, blocked = regression.solved(prior)
     sigma = np.sqrt(np.diag(blocked))
     arm_mass = sum(link.mass for link in cell.robot.required("links")[1:])
     mass_sigma, arm_sigma = float(np.hypot(sigma[0], FLOOR * arm_mass)), float(sigma[ARM])
@@ -148,8 +148,8 @@ def _estimate(
     beyond = abs(change[0]) > SURE * mass_sigma or abs(change[ARM]) > arm_off
     significant = bool(beyond) and not declared
     if not significant:
-        change, covariance, _ = regression.solved(_declared(cell, prior))
-        mass_sigma = float(np.sqrt(covariance[0, 0]))
+        change, blocked = regression.solved(_declared(cell, prior))
+        mass_sigma = float(np.sqrt(blocked[0, 0]))
     own = change[: ARM + 1]
     added = np.concatenate(
         [np.einsum("pjn,p->jn", recording.masses[: ARM + 1], own) for recording in recordings],
@@ -165,7 +165,7 @@ def _estimate(
         arm_sigma=arm_sigma,
         added_load=np.sqrt((added**2).mean(axis=1)),
         significant=significant,
-        covariance=with_arm @ covariance @ with_arm.T,
+        covariance=with_arm @ blocked @ with_arm.T,
         offsets=_offsets(cell, change),
     )
 
@@ -189,8 +189,8 @@ class _Regression:
     design: Array  # (P, J, N)
     logs: Sequence[LoggedTorque]
 
-    def solved(self, prior: Array) -> tuple[Array, Array, Array]:
-        """Estimate (P,), its covariance (P, P), and that from the prior and blocks of time."""
+    def solved(self, prior: Array) -> tuple[Array, Array]:
+        """Estimate (P,), and its covariance (P, P) from the prior and blocks of time."""
         flat = self.design.reshape(len(self.design), -1)
         normal = flat @ flat.T
         half = np.linalg.cholesky(prior)
@@ -200,7 +200,7 @@ class _Regression:
         left = self.rest - np.einsum("pjn,p->jn", self.design, change)
         influence = covariance @ _block_sums((self.design * left).sum(axis=1), self.logs)
         from_prior = half @ inner
-        return change, covariance, from_prior @ from_prior.T + influence @ influence.T
+        return change, from_prior @ from_prior.T + influence @ influence.T
 
 
 def _priors(cell: Cell) -> tuple[Array, Array]:

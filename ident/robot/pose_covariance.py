@@ -18,6 +18,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.chain import joint_screws
 from ballbar.cell.placement import Placement
 from ballbar.cell.statistics import covariance_root
+from ballbar.ident.loads.at_rest import undecided_flanks
 from ballbar.ident.robot.identified import IdentifiedRobot, PositionUncertainty
 
 
@@ -49,9 +50,8 @@ class PoseCovariance:
             moves, covered = jacobian(q), robot.covered(q)
             half = np.einsum("pq,qcn->pcn", self.values, moves)
             result = np.einsum("pcn,pdn->ncd", moves, half) + self.left_over**2 * np.eye(3)
-            if self.joint_sigma:
-                screws = joint_screws(robot.frames(q))[: robot.robot.joints, :3]
-                result += self.joint_sigma**2 * np.einsum("jcn,jdn->ncd", screws, screws)
+            own = self._of_joints(robot, q)
+            result += np.einsum("kcn,kdn->ncd", own, own)
             result[~covered] = np.inf
             return PositionUncertainty(np.asarray(result), None, covered)
 
@@ -75,11 +75,20 @@ class PoseCovariance:
         errors = (self.columns(robot) @ unknowns).T.reshape(count, -1, 3)
         left = np.sqrt(max(0.0, self.discrepancy**2 - self.white**2))
         errors += left * rng.standard_normal(errors.shape)
-        if self.joint_sigma:
-            screws = joint_screws(robot.frames(self.poses(robot)))[: robot.robot.joints, :3]
-            turns = self.joint_sigma * rng.standard_normal((count, *screws.shape[::2]))
-            errors += np.einsum("jcn,djn->dnc", screws, turns)
+        own = self._of_joints(robot, self.poses(robot))
+        errors += np.einsum("kcn,dkn->dnc", own, rng.standard_normal((count, *own.shape[::2])))
         return np.asarray(errors)
+
+    def _of_joints(self, robot: IdentifiedRobot, q: Array) -> Array:
+        """(K, 3, N) [m] errors of the target that joints make at each pose, for one deviation.
+
+        Of all joints where nothing but lengths judged the model, and where friction may hold a gear
+        of a small arm on either flank of its backlash.
+        """
+        screws = joint_screws(robot.frames(q))[: robot.robot.joints, :3]
+        gears = np.einsum("gj,jcn->gcn", robot.robot.gear_to_joint, screws)
+        every = (self.joint_sigma * screws, _undecided_play(robot, q)[:, None] * gears)
+        return np.concatenate([part for part in every if part.any()] or [screws[:0]])
 
     def jacobian(self, robot: IdentifiedRobot) -> Callable[[Array], Array]:
         """Function of q (N, J) [rad] that gives (U, 3, N) change of the target, seen from the seat
@@ -118,3 +127,15 @@ class PoseCovariance:
         by_target = frames.rotation(-2).transpose(1, 0, 2)
         moves = np.concatenate((robot.jacobian(q, self.parameters), by_target))
         return moves, np.concatenate((shifts, turns))
+
+
+def _undecided_play(robot: IdentifiedRobot, q: Array) -> Array:
+    """(J, N) [rad] half the backlash of gears that friction may hold on either flank, else 0."""
+    half = np.zeros((robot.robot.joints, 1))
+    coefficients = (k for correction in robot.corrections for k in correction.coefficients)
+    for coefficient, value in zip(coefficients, robot.values, strict=True):
+        if coefficient.name.startswith("backlash") and isinstance(coefficient.channel, int):
+            half[coefficient.channel] = abs(value)
+    if not half.any():
+        return half * np.zeros(len(q))
+    return half * undecided_flanks(robot.description, robot.geometry, robot.corrections, q)

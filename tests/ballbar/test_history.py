@@ -178,8 +178,10 @@ def test_table_page_and_json_say_the_same(monthly: list[Path], tmp_path: Path) -
 
 def test_figures_are_written_by_their_ending(monthly: list[Path], tmp_path: Path) -> None:
     output("history", *monthly[:3], "--out", tmp_path / "h.svg")
-    assert (tmp_path / "h.svg").read_text().count("axis 3 [mrad]") == 1
-    assert ".html or .svg" in refusal("history", *monthly[:3], "--out", tmp_path / "h.pdf")
+    assert (tmp_path / "h.svg").read_text().count("axis 3 [um]") == 1
+    output("history", *monthly[:3], "--out", tmp_path / "h.png")
+    assert (tmp_path / "h.png").read_bytes().startswith(b"\x89PNG")
+    assert ".html, .svg or .png" in refusal("history", *monthly[:3], "--out", tmp_path / "h.pdf")
 
 
 def test_a_result_whose_verdict_is_not_acceptable_is_shown_and_not_used(

@@ -114,7 +114,7 @@ def test_the_objective_of_a_search_is_the_tcp_sigma_over_the_grid(
 def test_the_prediction_is_the_bound_of_fits_afterwards(
     evaluator: Evaluator, trajectory: Trajectory
 ) -> None:
-    with (ROOT / "docs" / "studies" / "everything_on_irb2400_12.csv").open() as file:
+    with (ROOT / "docs" / "studies" / "everything_on_irb2400_4.csv").open() as file:
         bounds = [
             float(row["bound_mm"]) * 1e-3 for row in csv.DictReader(file) if row["paths"] == "a"
         ]

@@ -82,7 +82,7 @@ def small(packages: Path, *words: object) -> subprocess.CompletedProcess[str]:
 def test_the_small_installation_has_the_bounds_of_the_whole_one() -> None:
     assert set(SMALL) < set(PLAIN)
     missing = {Requirement(text).name for text in set(PLAIN) - set(SMALL)}
-    lacks = {"mujoco-core", "rerun-sdk", "pyarrow", "pandas", "matplotlib", "cma"}
+    lacks = {"mujoco-core", "rerun-sdk", "pyarrow", "pandas", "matplotlib", "cma", "fpdf2"}
     assert missing == lacks
     assert not closure(SMALL) & lacks
 

@@ -68,6 +68,7 @@ DISTRIBUTIONS = {
     "mujoco": "mujoco-core",
     "yaml": "pyyaml",
     "rerun": "rerun-sdk",
+    "fpdf": "fpdf2",
     "pydantic_core": "pydantic",
     "cv2": "opencv-python-headless",
 }  # whose import name is another; pydantic requires its core at one exact version

@@ -164,7 +164,8 @@ def test_ripple_has_the_orders_of_the_file_and_two_of_each_motors_turn(state: St
         assert sine == pytest.approx(np.sin(order * state.gears[gear]))
         assert cosine == pytest.approx(np.cos(order * state.gears[gear]))
         for c in correction.coefficients[2 * k : 2 * k + 2]:
-            assert (c.channel, c.mean, c.sigma) == (GEAR + gear, 0.0, size)
+            assert (c.channel, c.mean) == (GEAR + gear, 0.0)
+            assert 2.0 * c.sigma**2 == pytest.approx(size**2)
     for gear, listed in enumerate(CELL.robot.gears.harmonics):
         ratio = 1.0 / abs(CELL.robot.transmission[gear, gear])
         of_gear = {round(order, 6) for g, order, _ in orders if g == gear}

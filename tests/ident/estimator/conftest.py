@@ -55,7 +55,7 @@ def machine() -> CompleteModel:
         clock_steps=1,
     )
     layout, x = complete_unknowns(
-        CELL, NOMINAL, [start], corrections, measured_force=True, rod_sigma=None
+        CELL, NOMINAL, [start], corrections, gain_sigma=0.03, rod_sigma=None
     )
     rng = np.random.default_rng(3)
     x = x + 0.1 * np.minimum(layout.sigma, 1e-3) * rng.standard_normal(x.size)
@@ -75,7 +75,7 @@ def rigid(machine: CompleteModel) -> CompleteModel:
     (samples,) = machine.model.recordings
     samples = replace(samples, tension=np.zeros(200), splines=samples.splines[:0], clock_steps=())
     start = RecordingStart(UNIVERSAL_AND_GIMBAL, NOMINAL, NO_CLOCK_ERROR)
-    layout, x = complete_unknowns(CELL, NOMINAL, [start], (), measured_force=False, rod_sigma=None)
+    layout, x = complete_unknowns(CELL, NOMINAL, [start], (), gain_sigma=None, rod_sigma=None)
     return CompleteModel(
         Model(gearing(CELL.robot), None, (), layout, (samples,)), x, machine.ballbar
     )

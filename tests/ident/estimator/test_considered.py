@@ -76,9 +76,7 @@ def elastic_fit() -> Fit:
         UNIVERSAL_AND_GIMBAL, NOMINAL, NO_CLOCK_ERROR, samples.splines.shape[0], tension_sigma=1.0
     )
     chosen = (correction_named("joint_compliance", CELL, UNIVERSAL_AND_GIMBAL),)
-    layout, x = complete_unknowns(
-        CELL, NOMINAL, [start], chosen, measured_force=True, rod_sigma=None
-    )
+    layout, x = complete_unknowns(CELL, NOMINAL, [start], chosen, gain_sigma=0.03, rod_sigma=None)
     model = Model(gearing(CELL.robot), mass_model(CELL), chosen, layout, (samples,))
     return fit(model, x, [samples.ballbar_angles(NOMINAL, NO_CLOCK_ERROR)], EXCESS)
 
@@ -114,6 +112,26 @@ def test_a_fit_with_other_masses_ends_where_the_shift_says(
     sigma = np.sqrt(np.diag(elastic_fit.covariance))
     # the deflection is bilinear in masses and compliances, and the masses differ by 2 %
     assert np.linalg.norm((moved - shift) / sigma) < 0.15 * np.linalg.norm(moved / sigma)
+
+
+def test_the_gain_of_a_measured_tension_is_as_open_as_its_prior(elastic_fit: Fit) -> None:
+    """The geometry tells it to a third of that; a fit at another gain ends where the shift says."""
+    estimate, layout = elastic_fit, elastic_fit.model.unknowns
+    gain = layout.gain
+    assert gain is not None
+    assert layout.sigma[gain] == 0.03 > 2.0 * np.sqrt(estimate.covariance[gain, gain])
+    stated = stated_uncertainty.uncertainty(estimate)
+    assert 0.03 < np.sqrt(stated.covariance[gain, gain]) < 0.04
+    (shift,) = [c for c in stated.candidates.T if abs(c[gain]) > 0.02]
+    sigma, mean = layout.sigma.copy(), layout.mean.copy()
+    sigma[gain], mean[gain] = 1e-6, estimate.x[gain] + 0.3 * shift[gain]
+    held = replace(estimate.model, unknowns=replace(layout, sigma=sigma, mean=mean))
+    found = fit(held, estimate.x, estimate.ballbars, EXCESS, negligible=1e-6)
+    moved = (found.x - estimate.x)[compliances(estimate)] * STIFFNESS
+    assert np.abs(moved[2:]).min() > 4e-3
+    sigma = np.sqrt(np.diag(estimate.covariance))[compliances(estimate)] * STIFFNESS
+    off = moved - 0.3 * shift[compliances(estimate)] * STIFFNESS
+    assert np.linalg.norm(off / sigma) < 0.15 * np.linalg.norm(moved / sigma)
 
 
 def test_few_samples_of_a_recording_give_the_same_shifts(
@@ -233,7 +251,7 @@ ROD = 5e-6  # [m]
 
 
 def layout() -> Unknowns:
-    out, _ = complete_unknowns(CELL, NOMINAL, [], (), measured_force=False, rod_sigma=ROD)
+    out, _ = complete_unknowns(CELL, NOMINAL, [], (), gain_sigma=None, rod_sigma=ROD)
     return out
 
 

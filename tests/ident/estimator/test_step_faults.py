@@ -78,9 +78,7 @@ def layout_of(faults: tuple[StepFault, ...], recordings: int = 1) -> tuple[Unkno
         for k in range(recordings)
     ]
     corrections = () if slips is None else (slips,)
-    return complete_unknowns(
-        CELL, NOMINAL, starts, corrections, measured_force=False, rod_sigma=None
-    )
+    return complete_unknowns(CELL, NOMINAL, starts, corrections, gain_sigma=None, rod_sigma=None)
 
 
 def fitted(ballbar: Array, faults: tuple[StepFault, ...] = (), louder: float = 1.0) -> Fit:

@@ -34,7 +34,7 @@ WITHOUT_ENCODERS = RecordingStart((), NOMINAL, None)
 def complete(*recordings: RecordingStart, force: bool = False) -> tuple[Unknowns, np.ndarray]:
     corrections = [CORRECTIONS[name](CELL, ENCODERS) for name in ("rod_strain", "gear_backlash")]
     return complete_unknowns(
-        CELL, NOMINAL, recordings, corrections, measured_force=force, rod_sigma=None
+        CELL, NOMINAL, recordings, corrections, gain_sigma=0.03 if force else None, rod_sigma=None
     )
 
 
@@ -166,7 +166,7 @@ def test_priors_are_of_physical_size_and_centred_on_the_catalogue() -> None:
 
 
 def test_a_measured_rod_length_replaces_the_catalogues_tolerance() -> None:
-    layout, _ = complete_unknowns(CELL, NOMINAL, [FIRST], (), measured_force=False, rod_sigma=2e-6)
+    layout, _ = complete_unknowns(CELL, NOMINAL, [FIRST], (), gain_sigma=None, rod_sigma=2e-6)
     assert layout.sigma[layout.names.index("bd3")] == 2e-6
     assert layout.gain is None
 

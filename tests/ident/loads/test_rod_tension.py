@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.payload import with_deviations
 from ballbar.ident.loads.rod_tension import (
     REVERSAL_SPEED,
     SENSOR_BIAS,
@@ -86,7 +87,7 @@ def test_what_gears_and_plate_carry_is_what_comes_through_the_flange(moving: Mot
     """Statics through the arm, which share nothing with the sensor's model, leave no residual."""
     force = tension_at(moving.t)
     found, left = from_force_sensor(
-        moving.wrench(force), *on_flange(CELL, NOMINAL, moving.q, moving.b)
+        moving.wrench(force), on_flange(CELL, NOMINAL, moving.q, moving.b)
     )
     assert found.force == pytest.approx(force, abs=1e-6)
     assert left < 1e-8
@@ -96,22 +97,34 @@ def test_what_gears_and_plate_carry_is_what_comes_through_the_flange(moving: Mot
 def test_a_sensor_with_biases_and_gain_errors_shows_the_same_tension(moving: Motion) -> None:
     force, rng = tension_at(moving.t), np.random.default_rng(62)
     bias = np.array([8.0, -12.0, 5.0, 0.5, -0.9, 0.3])
-    gain = 1.0 + 0.01 * rng.standard_normal(6)
+    drawn = 0.01 * rng.standard_normal(6)
+    gain = 1.0 + drawn - drawn.mean()  # that of all six is the tension's
     averaged = noise(moving, 0.1 * SENSOR_NOISE)  # over a hundred rows
     wrench = (moving.wrench(force) + averaged) * gain[:, None] + bias[:, None]
-    found, left = from_force_sensor(wrench, *on_flange(CELL, NOMINAL, moving.q, moving.b))
-    # y = gain w + bias, so w = y - bias / gain - (1 - 1 / gain) y
-    expected = np.concatenate((bias / gain, 1.0 - 1.0 / gain))
-    assert (np.abs(found.theta - expected) < found.theta_sigma).all()
-    assert (found.theta_sigma < np.repeat([0.01 * SENSOR_BIAS[2], 0.003], 6)).all()
+    found, left = from_force_sensor(wrench, on_flange(CELL, NOMINAL, moving.q, moving.b))
+    expected = np.concatenate((bias, gain - 1.0))
+    assert (np.abs(found.theta[:12] - expected) < found.theta_sigma[:12]).all()
+    assert (found.theta_sigma[:12] < np.repeat([0.01 * SENSOR_BIAS[2], 0.005], 6)).all()
     # 0.1 N of noise, and 80 N times what is left of the gains
     assert np.sqrt(((found.force - force) ** 2).mean()) < 0.15
     # six equations a sample for one tension, and twelve biases and gains
     assert left == pytest.approx(0.1 * np.sqrt(5.0 / 6.0), rel=0.05)
 
 
+def test_a_tool_heavier_than_its_file_says_is_no_gain_of_the_sensor(moving: Motion) -> None:
+    """Gains of the logged signal made of it a tension of the half, and of nothing in the limit."""
+    force, load = tension_at(moving.t), on_flange(CELL, NOMINAL, moving.q, moving.b)
+    heavier = with_deviations(CELL, np.array([1.5, 0.02, -0.03, 0.05, *np.zeros(24)]))
+    more = on_flange(heavier, NOMINAL, moving.q, moving.b).known - load.known
+    assert np.abs(more).max() > 10.0
+    found, left = from_force_sensor(moving.wrench(force) + more, load)
+    assert found.force == pytest.approx(force, rel=0.01, abs=0.3)
+    assert np.abs(found.theta[6:12]).max() < 2e-3
+    assert left < 0.03
+
+
 def test_what_is_left_over_grows_where_the_sensor_shows_another_pose(moving: Motion) -> None:
     wrench = moving.wrench(tension_at(moving.t))
     expected = on_flange(CELL, NOMINAL, moving.q, moving.b)
-    left = [from_force_sensor(np.roll(wrench, k, axis=1), *expected)[1] for k in (0, 1, 3)]
+    left = [from_force_sensor(np.roll(wrench, k, axis=1), expected)[1] for k in (0, 1, 3)]
     assert left[0] < left[1] < left[2]
