@@ -81,7 +81,7 @@ class CertificateDetails(Strict):
     load_kg: NotNegative | None = None
     """Mass at the flange."""
     load: Line | None = None
-    """What the load was."""
+    """The load in words."""
     tolerance: Tolerance | None = None
     """Limits of the error of the tool, and the decision rule."""
     traceability: Line | None = None
