@@ -81,7 +81,7 @@ class CertificateDetails(Strict):
     load_kg: NotNegative | None = None
     """Mass at the flange."""
     load: Line | None = None
-    """The load in words."""
+    """Kind of load."""
     tolerance: Tolerance | None = None
     """Limits of the error of the tool, and the decision rule."""
     traceability: Line | None = None
