@@ -70,10 +70,10 @@ def fitting_cube(
                 ends[:, :3, :3] = _upright(nominal, ends, tilt)
             poses, taken = _taken(nominal, ends, middle, edge)
             inside = identified.covered(taken.reshape(-1, q.shape[1])).reshape(-1, 5).all(axis=1)
-            if inside.any():  # the least motion, which keeps to one configuration where one can
-                motion = np.abs(taken - taken[:, :1]).max(axis=(1, 2))
-                at = np.where(inside, motion, np.inf).argmin()
-                return TestCube(edge, poses[at], taken[at])
+            # the least motion, which keeps to one configuration where one can
+            motion = np.where(inside, np.abs(taken - taken[:, :1]).max(axis=(1, 2)), np.inf)
+            if inside.any():
+                return TestCube(edge, poses[motion.argmin()], taken[motion.argmin()])
             # from here the angles at the five poses are about the middle
             q = taken[:, 0] + middle - 0.5 * (taken.min(axis=1) + taken.max(axis=1))
     if side is None or identified.ranges is None:

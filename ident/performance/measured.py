@@ -128,8 +128,7 @@ def path_rows(group: PoseGroup, seen: Sequence[Attained]) -> Iterator[Characteri
         stated = tuple(Statement("measured", float(value)) for value in values)
         yield Characteristic(symbol, "path", (*stated, NOT_CORRECTED), starts.size)
     for symbol, value in spread.items():
-        remark = noise_remark(group) if symbol == "RT_p" else ""
-        same = Statement("measured", float(value), reason=remark)
+        same = Statement("measured", float(value), reason=noise_remark(group) * (symbol == "RT_p"))
         yield Characteristic(symbol, "path", (same,) * 3, starts.size)
 
 
