@@ -85,15 +85,14 @@ def write_performance(path: Path, stated: Performance, *, title: str, command: s
 
         plots.append((place, polar_plot(test), test))
     rows, remarks = shown(stated.rows)
-    groups = _groups(rows)
     cube = np.empty((0, 3))
     if stated.poses is not None and stated.axes is not None:
         cube = np.hstack((stated.poses[:, :3, 3] * MM, np.rad2deg(stated.axes)))
     page = template("performance.html").render(
         title=title,
         command=command,
-        pose_groups=[own for own in groups if own[0][0].symbol not in CIRCULAR],
-        circle_groups=[own for own in groups if own[0][0].symbol in CIRCULAR],
+        pose_groups=[own for own in _groups(rows) if own[0][0].symbol not in CIRCULAR],
+        circle_groups=[own for own in _groups(rows) if own[0][0].symbol in CIRCULAR],
         remarks=remarks,
         circles=plots,
         stated=stated,
