@@ -132,7 +132,8 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
             for part in (*_NEEDED, "reference")
         },
     )
-    complete = ~np.any([np.isnan(numbers.parts[part]).any(axis=1) for part in _NEEDED], axis=0)
+    missing = np.any([np.isnan(numbers.parts[part]).any(axis=1) for part in _NEEDED], axis=0)
+    complete = ~missing
     corners: Corners | None = None
     read: tuple[FileSummary, ...] = ()
     entries: tuple[Finding, ...] = ()
@@ -142,7 +143,7 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
         read, too_few = (summary,), complete & ~corners.enough
         sentence = f"the picture shows fewer than {FEWEST} corners of the board; left out."
         entries = (*entries, *rows.remark("picture left out", sentence, too_few))
-        complete &= corners.enough
+        complete = complete & corners.enough
         corners = corners.take(complete)
     if not complete.any():
         what = f"no row has all numbers that {context.path.name} names. Are these the columns?"
@@ -159,7 +160,7 @@ def file_poses(context: TableContext, index: int) -> FilePoses:
         if np.isnan(values).any()
     ]
     shown = ", ".join(empty[:6]) + (", ..." if len(empty) > 6 else "")
-    left_out = rows.remark("empty field", f"no number in {shown}; row left out.", ~complete)
+    left_out = rows.remark("empty field", f"no number in {shown}; row left out.", missing)
     summaries = tuple(
         FileSummary(
             file=source.file,

@@ -30,7 +30,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Robot
-from ballbar.cell.poses import PoseGroup, PoseTable
+from ballbar.cell.poses import PoseTable
 from ballbar.cell.statistics import chi_square_quantile
 from ballbar.cell.typical_machine import arm_length
 from ballbar.ident.estimator.fit import Fit
@@ -166,7 +166,7 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     square = sum(float((rest[:, k] ** 2).sum()) for rest, _, k in judged)
     declared = min(float(p.position_sigma.min()) for p in points)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
-    white = sum(_white(g, *own) for g, own in zip(table.groups, judged, strict=True))
+    white = sum(_white(p, *own) for p, own in zip(points, judged, strict=True))
     ratios = [
         mahalanobis(rest[:, k], spread[k], variance) / chi_square_quantile(LEVEL, len(rest))
         for rest, spread, k in judged
@@ -191,18 +191,23 @@ def _play(robot: Robot) -> float:
     return 0.5 * float(robot.gears.lost_motion.max()) * arm_length(robot)
 
 
-def _white(group: PoseGroup, rest: Array, spread: Array, counting: NDArray[np.bool_]) -> float:
+def _white(point: Evaluation, rest: Array, spread: Array, counting: NDArray[np.bool_]) -> float:
     """[m^2] sum of squares of the white noise in errors (E, N) [m] of a robot that moved.
 
     Second differences of neighbouring rows are without what the model leaves over, which changes
     slowly; noise that is not white is counted as such. spread : (N, E, E) [m^2] by the parameters.
     counting : of the group's poses.
     """
-    rest = rest[:, counting]
+    group, rest = point.still, rest[:, counting]
     if group.common is not None:  # the instrument's own readings tell their noise
-        noise = (group.sigma[counting, : len(rest)] ** 2).mean(axis=1)
-        square = (rest**2).mean(axis=0) - np.trace(spread[counting], axis1=1, axis2=2) / len(rest)
-        return float(np.sum(square - _beyond(square, noise)) * len(rest))
+        noise = point.target_closure.sensor_columns(group.sigma, group.factor)
+        noise = noise[:, : len(rest), counting]
+        known = np.einsum("kcn,kdn->ncd", noise, noise) + spread[counting]
+        size, axes = np.linalg.eigh(known)
+        along = np.einsum("nce,cn->ne", axes, rest)
+        beyond = _beyond((along**2).ravel(), np.maximum(size, 0.0).ravel())
+        taken = np.trace(spread[counting], axis1=1, axis2=2).sum() + beyond * rest.size
+        return float((rest**2).sum() - taken)
     if group.motion is None or group.time is None:
         return 0.0
     step = np.diff(group.time[counting])
@@ -216,7 +221,8 @@ def _white(group: PoseGroup, rest: Array, spread: Array, counting: NDArray[np.bo
 def _beyond(square: Array, noise: Array) -> float:
     """[m^2] variance beside that of noise (N,) [m^2] of which squares (N,) [m^2] are.
 
-    Each counts by its own variance: those with large noise tell little (DerSimonian & Laird 1986).
+    Each counts by its own variance: those with large noise, such as depths of pictures, tell little
+    (DerSimonian & Laird 1986).
     """
     out = 0.0
     for _ in range(_BEYOND_STEPS):

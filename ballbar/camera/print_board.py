@@ -21,7 +21,13 @@ from ballbar.cell.files import write_new_together
 from ballbar.figure_style import QUIET
 from ballbar.units import MM
 
-PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1": (841.0, 594.0)}
+PAPERS = {
+    "A4": (297.0, 210.0),
+    "A5": (210.0, 148.0),
+    "A3": (420.0, 297.0),
+    "A2": (594.0, 420.0),
+    "A1": (841.0, 594.0),
+}
 _MARGIN = 14.0  # [mm] round the board, for rulers and text
 _MARKER = 0.72  # of a square
 _SCALE = 3e-3  # relative standard deviation of the scale of a printer

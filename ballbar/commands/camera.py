@@ -31,7 +31,7 @@ def board(
     kind: Literal["charuco", "checkerboard"] = "charuco",
     squares: str = "9x7",
     square_mm: float | None = None,
-    paper: Literal["A4", "A3", "A2", "A1"] = "A4",
+    paper: Literal["A5", "A4", "A3", "A2", "A1"] = "A4",
 ) -> None:
     """Draw a board to print at its true size, and write its description.
 

@@ -113,7 +113,8 @@ class TimeBlocks:
         mixed = part.normal[group]
         own = mixed[:, group] - mixed @ self.covariance @ mixed.T
         own += np.diag(self.fit.model.unknowns.sigma[group] ** -2.0)
-        return own, mixed, -np.linalg.solve(own, part.gradient[group])
+        step = np.asarray(-np.linalg.solve(own, part.gradient[group]), dtype=np.float64)
+        return own, mixed, step
 
 
 class HeldOut:

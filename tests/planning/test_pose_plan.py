@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from ballbar.acquisition.formats.table_file import jointtarget_text
@@ -23,6 +24,7 @@ from ballbar.cell.chain import Chain, forward
 from ballbar.cell.errors import DescriptionError, InputError
 from ballbar.cell.files import write_yaml
 from ballbar.cell.poses import PoseTable
+from ballbar.cell.robot_angles import controller_to_joints
 from ballbar.commands.cli import app
 from ballbar.ident.estimator.model import still_model
 from ballbar.ident.estimator.noise import ExcessNoise
@@ -487,3 +489,27 @@ def test_options_of_trajectories_are_refused_for_still_poses(tmp_path: Path) -> 
     done = RUNNER.invoke(app, command)
     assert done.exit_code != 0
     assert "--what-if belongs to trajectories" in f"{done.output}{done.exception}"
+
+
+@pytest.mark.slow
+def test_planned_pictures_show_the_whole_board_and_more_than_chance(tmp_path: Path) -> None:
+    """Corners by a pinhole of 69 deg across 2016 px, 8 x 6 squares of 20 mm."""
+    setup = changed(PLANS / "so101_phone.yaml", poses=12, candidates=200)
+    plan = planned(setup)
+    grid = 0.02 * np.array([[x, y, 0.0] for y in range(7) for x in range(9)])
+    seat, target = setup.request.seats[0], setup.request.targets[0]
+    assert seat.rotvec_rad is not None
+    board = grid + np.array(target.position_m)  # on the flange, parallel to it
+    frames = forward(setup.chain, controller_to_joints(setup.robot, plan.poses.axes))
+    placed = np.einsum("ijn,cj->nci", frames.rotation(), board) + frames.tip.T[:, None]
+    turn = Rotation.from_rotvec(seat.rotvec_rad).as_matrix()
+    seen = (placed - np.array(seat.position_m)) @ turn
+    pixels = 1008.0 / np.tan(np.deg2rad(34.5)) * seen[..., :2] / seen[..., 2:]
+    assert (seen[..., 2] > 0.0).all()
+    assert (np.abs(pixels) < [1008.0, 756.0]).all()
+    normal = turn.T @ frames.rotation()[:, 2]
+    middle = seen.mean(axis=1)
+    facing = np.einsum("in,ni->n", normal, middle) / np.linalg.norm(middle, axis=1)
+    assert (facing > np.cos(np.deg2rad(60.0)) - 1e-6).all()
+    assert plan.gain > 1.0
+    assert 1e-4 < plan.prediction.tcp_sigma.mean() < 1e-2
