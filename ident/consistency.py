@@ -19,7 +19,7 @@ from ballbar.cell.geometry import parameter_named
 from ballbar.ident.corrections.remounted_tool import KINDS
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.priors import BASE_POSE
-from ballbar.ident.estimator.time_blocks import HeldOut, TimeBlocks, time_blocks
+from ballbar.ident.estimator.time_blocks import BlocksLeftOut, TimeBlocks, time_blocks
 from ballbar.ident.single_causes import WANDERS, worded
 
 # Decrease for a single unknown, over what is left with the change in the model, from which it is
@@ -97,7 +97,7 @@ def consistency(fit: Fit) -> Consistency:
     ratios = []
     for k in range(count if count > 1 else 0):
         left = blocks.added(blocks.recording == k)
-        held_out = HeldOut(blocks, left, _own(fit, k))
+        held_out = BlocksLeftOut(blocks, left, _own(fit, k))
         ratios.append(float(np.sqrt(max(0.0, held_out.cost()) / (left.cost + held_out.expected()))))
     return Consistency(tuple(ratios), _surest(blocks))
 

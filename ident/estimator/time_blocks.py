@@ -80,12 +80,12 @@ class TimeBlocks:
         return sum(fold.cost(absent) for fold in self.folds)
 
     @cached_property
-    def folds(self) -> list[HeldOut]:
+    def folds(self) -> list[BlocksLeftOut]:
         """The folds of a cross-validation, each left out of the fit."""
         knots = [np.r_[own.knots] for own in self.fit.model.unknowns.own if own.knots is not None]
         local = np.concatenate([NONE, *knots])
         fold = np.concatenate([np.arange(n) for n in np.bincount(self.recording)]) % FOLDS
-        return [HeldOut(self, self.added(fold == k), local) for k in range(FOLDS)]
+        return [BlocksLeftOut(self, self.added(fold == k), local) for k in range(FOLDS)]
 
     def changed(self, part: Block, group: NDArray[np.intp]) -> tuple[float, Array]:
         """Decrease of the cost if a group of unknowns may differ in a part; and by how far.
@@ -117,7 +117,7 @@ class TimeBlocks:
         return own, mixed, step
 
 
-class HeldOut:
+class BlocksLeftOut:
     """Blocks that are left out, beside the fit that is made from the others."""
 
     def __init__(self, blocks: TimeBlocks, left: Block, local: NDArray[np.intp]) -> None:
