@@ -40,6 +40,13 @@ TARGETS = (
     "acquisition/faults/robot_angles.py",  # of motors, axes or joints
     "acquisition/stamps",
     "acquisition/times.py",
+    "acquisition/bundle.py",
+    "acquisition/corners.py",
+    "acquisition/picture_start.py",
+    "acquisition/pictures.py",
+    "ballbar/camera",
+    "ballbar/certificate",
+    "ballbar/history",
 )
 _ORDERS = "Eq|NotEq|Lt|LtE|Gt|GtE"
 _ARITHMETIC = "Add|Sub|Mul|Div|FloorDiv|Mod|Pow"

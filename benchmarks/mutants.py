@@ -1,14 +1,18 @@
 """Mutation testing: the share of single-line faults of the sources that the tests see.
 
     python -m benchmarks.mutants [--sample 400] [--seed 1] [--processes 1] [--again] [--long]
+                                 [--tests PATH ...] [--only PATH ...]
+                                 [--out docs/studies/mutants.csv]
 
 Faults are drawn by benchmarks.mutant_places. Each stands in a private copy of the project, where
 the tests of `make test` that execute its line run until the first failure, up to LIMIT_SECONDS of
-them: those of its module first, then the quickest. `--again` repeats only those that survived the
-last time. `--long` gives survivors to all other tests that execute the line, the long ones too.
+them: those of its own package first, of these those of its module, then the quickest. `--tests`
+takes only the tests below some paths, `--only` of the sample the faults there. `--again` repeats
+only those that survived the last time. `--long` gives survivors to all other tests that execute
+the line, the long ones too.
 Tests of the project's text (tests/project) do not count.
 
-Writes docs/studies/mutants.csv. Why a survivor survives is stated by the table
+Writes the table `--out`. Why a survivor survives is stated by the table
 docs/studies/mutants_survivors.csv: `equivalent` if no valid input gives another result, `message`
 if only the text of a report or an error differs, `speed` if only the time does, `choice` if it is a
 limit, count or seed chosen by judgement whose neighbours serve as well, `open` otherwise.
@@ -138,6 +142,11 @@ def synchronise(tree: Path) -> None:
     ).stdout  # fmt: skip
     for name in filter(None, listed.split("\0")):
         source, copy = ROOT / name, tree / name
+        if source.is_symlink():
+            copy.unlink(missing_ok=True)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            copy.symlink_to(source.readlink())
+            continue
         if not source.exists():
             copy.unlink(missing_ok=True)
             continue
@@ -150,15 +159,16 @@ def synchronise(tree: Path) -> None:
         beside.symlink_to(ROOT.parent / "shared")
 
 
-def measured_lines(tree: Path, *, long: bool) -> ExecutedLines:
-    """Which test executes which line; test files that have changed are measured again."""
+def measured_lines(tree: Path, paths: list[str], *, long: bool) -> ExecutedLines:
+    """Which test below `paths` executes which line; changed test files are measured again."""
     tests = sorted(
         file
         for file in (ROOT / "tests").rglob("*.py")
         if "project" not in file.parts  # they compare texts
     )
-    cases = [file for file in tests if file.name.startswith("test_")]
-    rest = [file for file in tests if file not in cases]
+    every = [file for file in tests if file.name.startswith("test_")]
+    cases = [file for file in every if any(file.is_relative_to(ROOT / path) for path in paths)]
+    rest = [file for file in tests if file not in every]
     rest += [file for package in PACKAGES for file in (ROOT / package).rglob("*")]
     common = _hash([file for file in rest if file.suffix in (".py", ".yaml")])
     known_file = STORE / "measured.json"
@@ -169,20 +179,26 @@ def measured_lines(tree: Path, *, long: bool) -> ExecutedLines:
         known = {"common": common}
     for marker in ("not long", "long") if long else ("not long",):
         hashes = {str(file.relative_to(ROOT)): _hash([file]) for file in cases}
-        changed = [n for n, value in hashes.items() if known.get(marker, {}).get(n) != value]
-        if changed:
-            print(f"measuring the lines of {len(changed)} test files ({marker})", flush=True)
-            log = STORE / f"measured_{marker.replace(' ', '_')}.txt"
-
-            def work(marker: str = marker, changed: list[str] = changed) -> None:
-                enter(tree)
-                measure(tree, STORE, changed, marker)
-
-            if not in_child(work, seconds=7200.0, log=log):
-                raise SystemExit(f"the tests did not come to an end: {log}")
-        known[marker] = hashes
-        known_file.write_text(json.dumps(known))
+        known.setdefault(marker, {})
+        for name, value in hashes.items():
+            if known[marker].get(name) != value:
+                print(f"measuring {name} ({marker})", flush=True)
+                _measured(tree, [name], marker)
+                known[marker][name] = value
+                known_file.write_text(json.dumps(known))
     return ExecutedLines(STORE)
+
+
+def _measured(tree: Path, files: list[str], marker: str) -> None:
+    """Add what the tests of some files execute to the store; in a process of its own."""
+    log = STORE / f"measured_{marker.replace(' ', '_')}.txt"
+
+    def work() -> None:
+        enter(tree)
+        measure(tree, STORE, files, marker)
+
+    if not in_child(work, seconds=7200.0, log=log):
+        raise SystemExit(f"the tests did not come to an end: {log}")
 
 
 def _hash(files: list[Path]) -> str:
@@ -235,6 +251,7 @@ class Judge:
             (test for test in tests if not self.executed.contexts[test].long),
             key=lambda test: (
                 not test.startswith(OF_CLASSES),
+                not test.startswith(f"tests/{mutant.file.split('/')[0]}/"),
                 test.split("::")[0] not in direct,
                 seconds[test],
             ),
@@ -298,12 +315,13 @@ class Judge:
 def _exchanged_code(tree: Path, mutant: Mutant) -> bool:
     """Give the functions of a module in this process the code of a mutant; False if it cannot."""
     file = str(tree / mutant.file)
+    names = (file, str(tree / "ballbar" / mutant.file))  # the second through a link
     places = {code: place for place, code in _codes(compile(_original(mutant), file, "exec"))}
     codes = dict(_codes(compile(mutant.source, file, "exec")))
     if codes.keys() != set(places.values()):
         return False
     for each in gc.get_objects():
-        if isinstance(each, FunctionType) and each.__code__.co_filename == file:
+        if isinstance(each, FunctionType) and each.__code__.co_filename in names:
             each.__code__ = codes[places[each.__code__]]
     return True
 
@@ -363,17 +381,21 @@ def main(args: argparse.Namespace) -> None:
     warm_up()
     tree = STORE / "tree0" / "project"
     synchronise(tree)
-    executed = measured_lines(tree, long=args.long)
+    executed = measured_lines(tree, args.tests, long=args.long)
     rows = {}
     if args.again:
-        with RESULT.open(newline="") as file:
+        with args.out.open(newline="") as file:
             rows = {_key(row): row for row in csv.DictReader(file) if row["outcome"] == "seen"}
-    sample = [m for m in _sample(args.sample, args.seed) if _key(vars(m)) not in rows]
+    sample = [
+        mutant
+        for mutant in _sample(args.sample, args.seed)
+        if _key(vars(mutant)) not in rows and mutant.file.startswith(tuple(args.only))
+    ]
     for row in judged(sample, executed, args):
         rows[_key(row)] = row
         print(*(row[name] for name in HEAD[:7]), sep=" | ", flush=True)
-        _write(rows.values())
-    _write(rows.values())
+        _write(args.out, rows.values())
+    _write(args.out, rows.values())
     print(*_shares(rows.values()), sep="\n")
 
 
@@ -390,7 +412,7 @@ def _key(row: dict[str, Any]) -> tuple[str, ...]:
     return tuple(str(row[name]) for name in ("file", "line", "operator", "before", "after"))
 
 
-def _write(rows: Iterable[Row]) -> None:
+def _write(out: Path, rows: Iterable[Row]) -> None:
     """The result with the reasons of the survivors."""
     with REASONS.open(newline="") as file:
         reasons = {(r["file"], r["before"], r["after"]): r for r in csv.DictReader(file)}
@@ -398,7 +420,7 @@ def _write(rows: Iterable[Row]) -> None:
         reason = reasons.get((row["file"], row["before"], row["after"]))
         known = reason is not None and row["outcome"] != "seen"
         row["kind"], row["reason"] = (reason["kind"], reason["reason"]) if known else ("", "")
-    with RESULT.open("w", newline="") as file:
+    with out.open("w", newline="") as file:
         writer = csv.DictWriter(file, HEAD, lineterminator="\n")
         writer.writeheader()
         writer.writerows(
@@ -411,6 +433,8 @@ def _shares(rows: Iterable[Row]) -> Iterator[str]:
     seen = sum(row["outcome"] == "seen" for row in every)
     equivalent = sum(row["kind"] == "equivalent" for row in every)
     yield f"{seen} of {len(every)} seen: {100.0 * seen / len(every):.1f} %"
+    own = sum(row["test"].startswith(f"tests/{row['file'].split('/')[0]}/") for row in every)
+    yield f"{own} of them by a test of the same package: {100.0 * own / len(every):.1f} %"
     yield f"without {equivalent} equivalent ones: {100.0 * seen / (len(every) - equivalent):.1f} %"
     for kind, count in sorted(
         Counter(row["kind"] for row in every if row["outcome"] != "seen").items()
@@ -424,4 +448,7 @@ if __name__ == "__main__":
         parser.add_argument(name, type=int, default=default)
     for name in ("--again", "--long"):
         parser.add_argument(name, action="store_true")
+    parser.add_argument("--tests", nargs="+", default=["tests"])
+    parser.add_argument("--only", nargs="+", default=[""])
+    parser.add_argument("--out", type=Path, default=RESULT)
     main(parser.parse_args())

@@ -14,14 +14,18 @@ from pydantic.fields import FieldInfo
 
 from ballbar.cell.files import write_whole
 from ballbar.cell.pose_file import PosesFile
-from ballbar.cell.schema import describe_keys
 from ballbar.planning.pose_request import PosePlanRequest
 from ballbar.planning.request import PlanRequest
 from ballbar.result.calibration_schema import CalibrationFile
 from ballbar.result.recording_entries import marks_of
-from generators.scenario_reference.keys import default_text, first_paragraph, models_in, values_text
+from generators.scenario_reference.keys import (
+    default_text,
+    first_paragraph,
+    keys_described,
+    models_in,
+    values_text,
+)
 
-describe_keys()
 DOCS = Path(__file__).parents[1] / "docs"
 KEYS = "## Keys\n"  # what stands above the first one is written by people
 
@@ -40,6 +44,7 @@ class SchemaPage:
 
     def text(self) -> str:
         """The page: what people wrote above its keys, then each schema and the models it holds."""
+        keys_described()
         head, _, _ = self.path.read_text().partition(KEYS)
         models: dict[type[BaseModel], None] = {}
         sections = []

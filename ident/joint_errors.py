@@ -28,13 +28,12 @@ from ballbar.ident.corrections.joint_harmonics import (
     orders_of,
 )
 from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.linear_model import LinearModel, SplineColumns
 from ballbar.ident.estimator.normal_equations import jacobian
 from ballbar.ident.estimator.order_search import (
     SLOPE,
     JointOrder,
-    LinearModel,
     OrderSearch,
-    SplineColumns,
     peak_orders,
     search_orders,
     whole_orders,

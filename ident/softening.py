@@ -17,7 +17,8 @@ from ballbar.cell.descriptions import Cell
 from ballbar.ident.complete_fit import needs_loads, refit
 from ballbar.ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.estimator.order_search import LinearModel, left_out, of_few
+from ballbar.ident.estimator.linear_model import LinearModel
+from ballbar.ident.estimator.order_search import left_out, of_few
 from ballbar.ident.estimator.time_blocks import block_sums
 from ballbar.ident.joint_errors import linearised, thinning
 from ballbar.ident.options import Listener

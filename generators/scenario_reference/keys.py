@@ -6,16 +6,24 @@ import inspect
 import re
 import types
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen  # comes with pydantic
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from ballbar.cell.schema import describe_keys
 from ballbar.scenario import Scenario
 
 _BOUNDS = ((Ge, "≥", "ge"), (Gt, ">", "gt"), (Le, "≤", "le"), (Lt, "<", "lt"))
 _KINDS = {float: "number", int: "integer", str: "text", bool: "true or false"}
+
+
+@cache
+def keys_described() -> None:
+    """Gives all keys their descriptions, once: it takes a second, so no import does it."""
+    describe_keys()
 
 
 def models_in(annotation: object) -> list[type[BaseModel]]:

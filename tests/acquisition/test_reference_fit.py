@@ -22,7 +22,7 @@ from tests.helpers.reference_points import (
     readings,
 )
 
-SEEDS = range(4)
+SEEDS = range(3)
 every_number_of_points = pytest.mark.parametrize(
     "points", [3, *(pytest.param(more, marks=pytest.mark.long) for more in (4, 6))]
 )

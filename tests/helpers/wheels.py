@@ -55,7 +55,7 @@ def built(source: Path) -> Path:
     return made
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built from the source distribution."""
     tree = copied(tmp_path_factory.mktemp("wheel") / "tree")
@@ -77,7 +77,7 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     venv.create(folder, with_pip=False)
     interpreter = folder / "bin" / "python"
     pip = (sys.executable, "-m", "pip", "--python", interpreter)
-    run(*pip, "install", "--no-deps", *OFFLINE, wheel, cwd=folder)
+    run(*pip, "install", "--no-deps", "--no-compile", *OFFLINE, wheel, cwd=folder)
     packages = [entry for entry in sys.path if entry.endswith("site-packages")]
     (own,) = folder.glob("lib/python*/site-packages")
     (own / "dependencies.pth").write_text("\n".join(packages) + "\n")

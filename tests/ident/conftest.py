@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from tests.helpers.drawn_robots import recorded as logs_of
 from tests.helpers.drawn_robots import scenario_of
 from tests.helpers.simulated_recordings import perturbed
 from tests.helpers.synthetic_recording import Loop, recording
+from tests.helpers.tracker_points import still_points
 
 
 @pytest.fixture(scope="session")
@@ -37,7 +40,19 @@ def noisy() -> Samples:
 @pytest.fixture(scope="session")
 def drawn_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Logs, Truth]:
     """A recording of a drawn robot with everything on, beside which still poses are fitted."""
-    return logs_of(scenario_of("irb2400", "a", 3, 120.0), tmp_path_factory.mktemp("drawn"))
+    return logs_of(scenario_of("irb2400", "a", 3, 90.0), tmp_path_factory.mktemp("drawn"))
+
+
+@pytest.fixture(scope="session")
+def drawn_mixed(drawn_run: tuple[Cell, Logs, Truth]) -> Identification:
+    """The robot that they identify with a tracker's points, one of which is off by 20 mm."""
+    cell, logs, truth = drawn_run
+    table = still_points(cell, truth, 3)
+    (group,) = table.groups
+    values = group.values.copy()
+    values[4, 1] += 0.02
+    off = replace(table, groups=(replace(group, values=values),))
+    return identify_together(cell, [logs], off)
 
 
 @pytest.fixture(scope="session")

@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
 from ballbar.cell.load import load_robot
-from ballbar.cell.poses import PoseTable
 from ballbar.ident.identify import identify_together
 from ballbar.ident.options import FitOptions
 from ballbar.ident.recording_fit import Logs
@@ -24,22 +22,12 @@ KINEMATICS = FitOptions(model="dh")
 Run = tuple[Cell, Logs, Truth]
 
 
-def moved(table: PoseTable, pose: int, by: Array) -> PoseTable:
-    """The table with one pose measured elsewhere, (3,) [m]."""
-    (group,) = table.groups
-    values = group.values.copy()
-    values[pose] += by
-    return replace(table, groups=(replace(group, values=values),))
-
-
 @pytest.mark.slow
 def test_a_tracker_s_points_tell_what_a_recording_leaves_open(
-    drawn_run: Run, drawn_alone: Identification
+    drawn_alone: Identification, drawn_mixed: Identification
 ) -> None:
     """The scale above all; seat and target come out beside, and a wrong point does not count."""
-    cell, logs, truth = drawn_run
-    table = moved(still_points(cell, truth, 3), 4, np.array([0.0, 0.02, 0.0]))
-    mixed = identify_together(cell, [logs], table)
+    mixed = drawn_mixed
     assert drawn_alone.poses is None
     assert mixed.poses is not None
     assert mixed.verdict.status is Status.GOOD, mixed.verdict.sentence

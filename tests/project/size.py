@@ -11,10 +11,12 @@ from __future__ import annotations
 import ast
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ballbar import PACKAGES
+from tests.helpers.source_imports import ROOT, nodes
 
 LONG_MODULE = 350  # lines
 SHORT_FUNCTION = 22  # lines, docstring included
@@ -37,10 +39,10 @@ def size_of(*folders: str) -> Size:
     classes: Counter[str] = Counter()
     for file in sorted(file for folder in folders for file in Path(folder).rglob("*.py")):
         text = file.read_text(encoding="utf-8")
-        tree = ast.parse(text)
         modules[file] = len(text.splitlines())
-        code += code_lines(text, tree)
-        for node in ast.walk(tree):
+        every = nodes(ROOT / file)
+        code += code_lines(text, every)
+        for node in every:
             if isinstance(node, ast.FunctionDef):
                 functions[f"{file}:{node.name}"] = (node.end_lineno or 0) - node.lineno + 1
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
@@ -48,7 +50,7 @@ def size_of(*folders: str) -> Size:
     return Size(sum(modules.values()), code, modules, functions, classes)
 
 
-def code_lines(text: str, tree: ast.Module) -> int:
+def code_lines(text: str, nodes: Sequence[ast.AST]) -> int:
     """Number of lines with a token that is no docstring, comment or line end.
 
     The syntax tree is asked for texts of several lines alone: the tokens themselves take seconds.
@@ -58,7 +60,6 @@ def code_lines(text: str, tree: ast.Module) -> int:
         for number, line in enumerate(text.splitlines(), start=1)
         if line.strip() and not line.lstrip().startswith("#")
     }
-    nodes = list(ast.walk(tree))
     for node in nodes:
         if isinstance(node, ast.Constant | ast.JoinedStr):
             lines.update(range(node.lineno, (node.end_lineno or 0) + 1))

@@ -16,7 +16,7 @@ from packaging.utils import canonicalize_name
 
 from ballbar import PACKAGES
 from ballbar.commands.listing import MODULES
-from tests.helpers.source_imports import FILES, ROOT, full_names, imported, part_of, reached, tree
+from tests.helpers.source_imports import FILES, ROOT, full_names, imported, nodes, part_of, reached
 
 ALLOWED = {
     "cell": {"cell"},
@@ -127,9 +127,7 @@ def test_the_ground_floor_imports_neither_bench_nor_shop() -> None:
 def test_what_reads_and_identifies_never_speaks_of_the_truth_file(package: str) -> None:
     for file in (ROOT / package).rglob("*.py"):
         strings = [
-            n.value
-            for n in ast.walk(tree(file))
-            if isinstance(n, ast.Constant) and isinstance(n.value, str)
+            n.value for n in nodes(file) if isinstance(n, ast.Constant) and isinstance(n.value, str)
         ]
         assert not [s for s in strings if "truth.yaml" in s or "ballbar-truth" in s], file.name
 
@@ -200,6 +198,6 @@ def test_all_text_is_printed_by_the_consoles_of_the_terminal() -> None:
     for name, file in FILES.items():
         if name == "ballbar.terminal":
             continue
-        for node in ast.walk(tree(file)):
+        for node in nodes(file):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 assert node.func.id not in ("print", "Console"), f"{file}:{node.lineno}"

@@ -14,9 +14,9 @@ import pytest
 from ballbar.cell.files import write_yaml
 from ballbar.cell.strict_yaml import load_yaml
 from tests.helpers.source_imports import ROOT
-from tests.helpers.wheels import OFFLINE, python, run, wheel
+from tests.helpers.wheels import OFFLINE, python, run
 
-__all__ = ["python", "wheel"]  # fixtures: ballbar by its wheel, alone in an environment
+__all__ = ["python"]  # fixture: ballbar by its wheel, alone in an environment
 pytestmark = pytest.mark.slow
 
 EXAMPLE = ROOT / "examples" / "plugin"

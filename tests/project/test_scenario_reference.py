@@ -16,8 +16,8 @@ from pydantic.fields import FieldInfo
 from ballbar.scenario import Scenario
 from ballbar.sim.settings import OF_POSES
 from generators.scenario_reference.figures import PLOTS, read_sizes
+from generators.scenario_reference.keys import keys_described, value_text
 from generators.scenario_reference.keys import row as line_of
-from generators.scenario_reference.keys import value_text
 from generators.scenario_reference.page import PAGE, page_text
 from generators.scenario_reference.sources import SOURCES
 
@@ -52,6 +52,8 @@ SWITCHABLE = {
 
 @pytest.fixture(scope="module")
 def page() -> str:
+    """The page as committed; the models have their descriptions then, too."""
+    keys_described()
     return PAGE.read_text(encoding="utf-8")
 
 

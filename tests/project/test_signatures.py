@@ -8,7 +8,8 @@ from functools import cache
 
 import pytest
 
-from tests.helpers.source_imports import FILES, ROOT, tree
+from tests.helpers.source_imports import FILES, ROOT
+from tests.helpers.source_imports import nodes as nodes_of
 
 MOST_POSITIONAL = 6  # arguments of a constructor call without their names
 MOST_PARAMETERS = 6  # of a function that takes two positional ones of the same annotation
@@ -20,7 +21,7 @@ def nodes() -> list[tuple[str, ast.Call | ast.FunctionDef]]:
     return [
         (str(file.relative_to(ROOT)), node)
         for file in (*FILES.values(), *sorted((ROOT / "examples").glob("*.py")))
-        for node in ast.walk(tree(file))
+        for node in nodes_of(file)
         if isinstance(node, (ast.Call, ast.FunctionDef))
     ]
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from tests.helpers.source_imports import ROOT
-from tests.helpers.wheels import SHIPPED, built, copied, python, run, wheel
+from tests.helpers.wheels import SHIPPED, built, copied, python, run
 
 pytestmark = pytest.mark.slow
 
-__all__ = ["python", "wheel"]  # fixtures
+__all__ = ["python"]  # fixture
 LINKS = SHIPPED[:-2] + SHIPPED[-1:]  # folders that the source tree links within `ballbar`
 
 

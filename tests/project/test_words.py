@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+from tests.helpers.source_imports import nodes
 
 ROOT = Path(__file__).parents[2]
 GLOSSARY = ROOT / "docs" / "glossary.md"
@@ -100,12 +102,17 @@ def words_in(text: str) -> Iterator[tuple[int, str]]:
                 yield number, f"{word.pattern}: say {word.instead}"
 
 
-def docstrings_in(source: str) -> Iterator[tuple[int, str]]:
+def nodes_of(source: str, file: Path | None) -> Iterable[ast.AST]:
+    """All nodes of the syntax tree of a source, or of the file that it is from."""
+    return nodes(file) if file else ast.walk(ast.parse(source))
+
+
+def docstrings_in(source: str, file: Path | None = None) -> Iterator[tuple[int, str]]:
     """Line and fault of every docstring that begins as no sentence does.
 
     Docstrings of attributes and descriptions of fields are among them: pages are made of both.
     """
-    for node in ast.walk(ast.parse(source)) if BEGUN.search(source) else ():
+    for node in nodes_of(source, file) if BEGUN.search(source) else ():
         if not isinstance(node, ast.Expr | ast.keyword):
             continue
         text, described = node.value, getattr(node, "arg", "description") == "description"
@@ -115,9 +122,9 @@ def docstrings_in(source: str) -> Iterator[tuple[int, str]]:
                 yield text.lineno, f"docstring begins with {first[1]}: write a sentence"
 
 
-def names_in(source: str) -> Iterator[tuple[int, str]]:
+def names_in(source: str, file: Path | None = None) -> Iterator[tuple[int, str]]:
     """Line and fault of every name in a Python file that is none."""
-    for node in ast.walk(ast.parse(source)) if USED.search(source) else ():
+    for node in nodes_of(source, file) if USED.search(source) else ():
         for field, name in ast.iter_fields(node):
             if field != "value" and isinstance(name, str) and name in NAMES:
                 yield node.lineno, f"name `{name}`: say {NAMES[name]}"  # type: ignore[attr-defined]
@@ -142,7 +149,7 @@ def faults() -> list[str]:
         text, name = file.read_text(), file.relative_to(ROOT)
         every = [*words_in(text)]
         if file.suffix == ".py":
-            every += [*names_in(text), *docstrings_in(text)]
+            every += [*names_in(text, file), *docstrings_in(text, file)]
         lines += [f"{name}:{number}: {fault}" for number, fault in sorted(every)]
     return lines
 

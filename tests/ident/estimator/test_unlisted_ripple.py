@@ -10,7 +10,8 @@ import pytest
 from ballbar.cell.arrays import Array
 from ballbar.cell.statistics import rms
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.estimator.order_search import ORDERS, LinearModel
+from ballbar.ident.estimator.linear_model import LinearModel
+from ballbar.ident.estimator.order_search import ORDERS
 from ballbar.ident.estimator.uncertainty import uncertainty
 from ballbar.ident.estimator.unlisted_ripple import amplitude_variance, unlisted_ripple
 from ballbar.ident.joint_errors import linearised

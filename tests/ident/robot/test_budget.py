@@ -7,27 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ballbar.cell.descriptions import Cell
 from ballbar.ident.estimates import result_at_rest
 from ballbar.ident.estimator.gauss_newton import inverse
 from ballbar.ident.estimator.variance_parts import noise_sources, variance_parts
 from ballbar.ident.estimator.whitening import covariance
-from ballbar.ident.identify import identify_together, kinematic_result
+from ballbar.ident.identify import kinematic_result
 from ballbar.ident.options import FitOptions
-from ballbar.ident.recording_fit import Logs, fit_recording
+from ballbar.ident.recording_fit import fit_recording
 from ballbar.ident.result import Identification
 from ballbar.ident.robot.accuracy import accuracy_grid, rigid_basis
 from ballbar.ident.robot.budget import LEFT_OUT, UNMODELLED, Budget, BudgetRow, welch_satterthwaite
 from ballbar.ident.robot.coverage import coverage_factor, exact_squares, is_in_doubt
 from ballbar.ident.robot.pose_covariance import PoseCovariance
 from ballbar.ident.table_fit import fit_table
-from ballbar.sim.truth import Truth
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.still_poses import table_of, true_robot
 from tests.helpers.synthetic_recording import CELL
-from tests.helpers.tracker_points import still_points
 
-Run = tuple[Cell, Logs, Truth]
 OPTIONS = FitOptions(model="dh", samples=60)
 
 
@@ -79,13 +75,12 @@ def test_rows_add_up_of_still_poses(at_rest: Identification) -> None:
 
 @pytest.mark.slow
 def test_rows_add_up_of_corrections_masses_and_points(
-    drawn_run: Run, drawn_alone: Identification
+    drawn_alone: Identification, drawn_mixed: Identification
 ) -> None:
-    cell, logs, truth = drawn_run
-    mixed = identify_together(cell, [logs], still_points(cell, truth, 3))
-    for result in (drawn_alone, mixed):
+    results = drawn_alone, drawn_mixed
+    for result in results:
         check_sum(result)
-    alone, both = ({row.name: row for row in budget_of(r).rows} for r in (drawn_alone, mixed))
+    alone, both = ({row.name: row for row in budget_of(r).rows} for r in results)
     assert {"masses", "joint_compliance", "plate", "axes"} <= alone.keys()
     assert "instrument" in both
     assert both["plate"].contribution < alone["plate"].contribution  # points show the scale
