@@ -15,7 +15,7 @@ from pathlib import Path
 from ballbar import PACKAGES
 
 DISTRIBUTION = "ballbar-bench"
-_CONTENT = {".py", ".yaml", ".xml"}
+_CONTENT = {".py", ".yaml", ".xml", ".html"}
 _LIBRARIES = ("numpy", "scipy", "mujoco-core")  # their arithmetic is in every result
 
 
