@@ -149,16 +149,16 @@ def linearised(fit: Fit) -> LinearModel:
     index = np.concatenate([NONE, *(np.r_[own.knots] for own in layout.own if own.knots)])
     splines = csr_array(block_diag([recording.splines for recording in model.recordings]))
     every = [np.arange(r.size) % step == 0 for r in model.recordings]
-    kept: Any = slice(None) if step == 1 else np.flatnonzero(np.concatenate(every))
+    picked: Any = slice(None) if step == 1 else np.flatnonzero(np.concatenate(every))
     return LinearModel(
-        jacobian=np.delete(columns, index, axis=0)[..., kept],
-        residual=residual[:, kept],
-        joints=stacked(whitened)[..., kept],
+        jacobian=np.delete(columns, index, axis=0)[..., picked],
+        residual=residual[:, picked],
+        joints=stacked(whitened)[..., picked],
         angles=np.concatenate([q @ model.gearing.to_gear for q in logged]).T,
         prior_gradient=gradient,
         prior_normal=normal,
         regions=joint_regions(np.concatenate(logged)),
         groups=np.concatenate([k + block for k, block in zip(firsts, blocks, strict=False)]),
         few=True,
-        knots=SplineColumns(index, splines[:, kept], slope[:, kept]),
+        knots=SplineColumns(index, splines[:, picked], slope[:, picked]),
     )
