@@ -484,6 +484,13 @@ def test_a_path_is_taken_from_the_folder_of_the_file_that_names_it(tmp_path: Pat
             "length_m: 250  #",
             "length_m = 250: longer than 5 m. Lengths are metres",
         ),
+        *(
+            ("plates/plate_250.yaml", "length_m: 0.250  #", f"length_m: {wrong}  #", said)
+            for wrong, said in (
+                ("0.0", "length_m = 0.0: expected more than 0"),
+                ("-0.25", "length_m = -0.25: expected more than 0"),
+            )
+        ),
         (
             "instruments/dial_gauge.yaml",
             ", sigma_m: 3.0e-6",

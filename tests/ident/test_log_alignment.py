@@ -10,7 +10,7 @@ import pytest
 from ballbar.cell.clock import Clock
 from ballbar.cell.errors import LogError
 from ballbar.cell.logs import ChannelLog
-from ballbar.ident.log_alignment import AlignmentError, align_logs
+from ballbar.ident.log_alignment import AlignmentError, _normalised, align_logs
 from tests.helpers.two_recorders import GAINS, ZEROS, two_logs, wandering
 
 SEEDS = 20
@@ -139,3 +139,12 @@ def test_a_step_of_a_clock_is_reported_with_its_size() -> None:
     alignment = align_logs(a, replace(b, t=b.t + 0.2 * (b.t > 15.0)))
     (remark,) = alignment.remarks
     assert remark.startswith("B: the clock stepped by +200.0 ms at t = 15.0")
+
+
+def test_the_rounding_of_a_constant_speed_is_no_motion() -> None:
+    """A channel that moves has an rms of 1; one that does not is still, whatever its speed."""
+    covered, rng = np.ones(200, dtype=bool), np.random.default_rng(1)
+    moving = rng.standard_normal((200, 2))
+    assert np.sqrt((_normalised(moving, covered) ** 2).mean()) == pytest.approx(1.0)
+    steady = 3e-3 * (1.0 + 1e-13 * moving)
+    assert not _normalised(steady, covered).any()

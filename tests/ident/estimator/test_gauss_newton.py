@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -354,3 +355,28 @@ def test_negligible_is_counted_in_the_cost_per_degree_of_freedom(
     assert stop.enough(Equations(np.zeros(4), residual, np.zeros((24, 4)))) == pytest.approx(
         expected
     )
+
+
+class Trial:
+    """A cost alone."""
+
+    def __init__(self, cost: float) -> None:
+        self.cost = cost
+
+
+@pytest.mark.parametrize("longest", [1.0, 0.3, 0.02])
+def test_the_step_of_an_accepted_trial_is_the_one_that_was_tried(longest: float) -> None:
+    """The whole one where it lowers the cost, else its halves in turn."""
+    tried: list[float] = []
+
+    class Narrow:
+        def trial(self, _: Any, step: Array) -> Trial:
+            tried.append(float(step[0]))
+            return Trial(0.5 if abs(step[0]) <= longest else 2.0)
+
+    problem: Any = Narrow()
+    trial, step = halved(problem, Trial(1.0), np.array([1.0]))  # type: ignore[type-var]
+    assert trial is not None
+    assert float(step[0]) == tried[-1]
+    assert tried == [0.5**k for k in range(len(tried))]
+    assert 0.5 * longest < tried[-1] <= longest
