@@ -154,7 +154,7 @@ def fit_recording(
     if samples.measures_length:
         samples = samples.with_noise_held(first.clock())
     iterations = chosen.fit.iterations + first.iterations
-    if is_beyond(first):  # of no robot: other noise would not mend that
+    if is_beyond(first):  # of no robot: other noise would not help
         return RecordingFit(logs, nominal, start, subset, first, iterations)
     off = (first.geometry().values - nominal.values)[fitted]
     own = of_robot(nominal.table, [nominal.table.parameters[i] for i in fitted])

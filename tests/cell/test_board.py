@@ -1,4 +1,4 @@
-"""A board that is no plane, and how many columns the reference points of a table have."""
+"""A board that is no plane, and what a table of poses says of its columns and pictures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from ballbar.cell.board import BoardFile, board_of
-from ballbar.cell.pose_file import ReferencePoints
+from ballbar.cell.pose_file import PoseTableFile, ReferencePoints
 
 SHAPE = np.array([1e-3, -2e-3, 3e-4, -1e-4, 2e-4])  # relative, and [m]
 
@@ -38,3 +38,17 @@ def test_reference_points_have_three_columns_each(count: int) -> None:
     else:
         with pytest.raises(ValidationError, match=f"{count} columns|{count // 3} points"):
             ReferencePoints.model_validate(columns)
+
+
+def test_each_file_of_corners_has_a_file_of_joints() -> None:
+    pictures = {"corners": "corners.csv", "board": "board.yaml"}
+    table = {"joints": {"columns": ["q1"]}, "pictures": pictures}
+    assert PoseTableFile.model_validate(table | {"files": ["a.csv"]}).pictures is not None
+    with pytest.raises(ValidationError, match="one file for each file of corners"):
+        PoseTableFile.model_validate(table | {"files": ["a.csv", "b.csv"]})
+    for key, value in (
+        ("values", {"columns": ["x"]}),
+        ("reference", {"columns": list("abcdefghi")}),
+    ):
+        with pytest.raises(ValidationError, match="leave out values, sigma and reference"):
+            PoseTableFile.model_validate(table | {"files": ["a.csv"], key: value})
