@@ -8,8 +8,8 @@ files say and glued to a plate. Writes docs/studies/camera.csv, a row for each s
 mean squares of the tool's error over the fitted ranges, base aligned, of the nominal robot, of the
 identified one, and of the Bayesian Cramer-Rao bound of all corners; what is stated; the same error
 from poses of each picture alone (with OpenCV, where it is installed: its calibration and its
-poses, through the instrument `pose`); the share of lens and board within their 95 % intervals; and
-seconds of one core.
+poses, through the instrument `pose`); the share of poses whose tool lies in its stated 95 % region,
+and of lens and board within their 95 % intervals; and seconds of one core.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from scipy.spatial.transform import Rotation
 from ballbar.acquisition.pose_tables import read_poses
 from ballbar.cell.arrays import Array
 from ballbar.cell.poses import PoseTable
+from ballbar.cell.rigid_fit import kabsch
 from ballbar.ident.table_fit import fit_table
 from benchmarks.study import STUDIES, in_words, study_parser, write_table
 from tests.helpers.pictures import (
@@ -151,6 +152,12 @@ def by_single_pictures(drawn: Drawn, table: PoseTable) -> PoseTable:
     return replace(table, groups=(single,))
 
 
+def aligned(predicted: Array, true: Array) -> Array:
+    """(N, 3) [m] errors of points (N, 3), the true ones moved onto them as a rigid body."""
+    a, b = predicted - predicted.mean(axis=0), true - true.mean(axis=0)
+    return np.asarray(a - b @ kabsch(b, a).T)
+
+
 def row(seed: int, *, carried: bool) -> dict[str, object]:
     """One robot and its pictures."""
     rng = np.random.default_rng(1000 + seed)
@@ -179,6 +186,7 @@ def row(seed: int, *, carried: bool) -> dict[str, object]:
         "error_mm": rms(error) * 1e3,
         "bound_mm": bound(drawn) * 1e3,
         "stated_mm": rms(robot.sigma(q[inside])) * 1e3,
+        "inside": float(robot.within(q, aligned(robot.tool(q), true))[inside].mean()),
         "intervals": float((np.abs(off) < 1.96).mean()),
         "noise_px": camera.errors.noise,
         "seconds": seconds,

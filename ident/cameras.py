@@ -11,10 +11,11 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.board import SCALES
 from ballbar.cell.poses import CommonErrors
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.estimator.priors import PULL
+from ballbar.ident.estimator.priors import LENGTH_PRIOR, PULL
 
 _PINHOLE = ("fx", "fy", "cx", "cy")
 BEYOND = 3.0  # unexplained part of poses over what the noise of corners makes, that is named
+IN_PROPORTION = 0.8  # of the changes of the robot's lengths, that one proportion explains
 ALONG = 3.0  # errors along the line of sight over those across it, of the same
 
 
@@ -73,7 +74,24 @@ def doubts_of(fit: Fit) -> Iterator[str]:
                 "catalogue lengths have it: measure the board again, for the scale of the result "
                 "is that of both"
             )
+        yield from _of_another_size(fit, name)
     yield from _unexplained(fit)
+
+
+def _of_another_size(fit: Fit, name: str) -> Iterator[str]:
+    """The robot's lengths all off in one proportion: it is the board that has another size."""
+    layout = fit.model.unknowns
+    mean, off = layout.mean[layout.geometric], (fit.x - layout.mean)[layout.geometric]
+    lengths = np.array([p.is_length for p in layout.parameters]) & (mean != 0.0)
+    mean, off = mean[lengths], off[lengths]
+    size = float(mean @ off / max(float(mean @ mean), np.finfo(float).tiny))
+    shift = abs(size) * float(np.linalg.norm(mean))
+    if shift > PULL * LENGTH_PRIOR and shift > IN_PROPORTION * float(np.linalg.norm(off)):
+        yield (
+            f"the robot's lengths are {size:+.2%} off the catalogue, all in one proportion, as if "
+            f"the board that {name} saw had another size than its file states: measure the board "
+            "again, for the scale of the result is that of the board"
+        )
 
 
 def _unexplained(fit: Fit) -> Iterator[str]:

@@ -59,6 +59,19 @@ def test_a_board_of_another_size_is_named(tmp_path: Path, share: float, named: s
     assert within(estimate, drawn) < 2.0  # the robot's catalogue lengths tell the scale
 
 
+@pytest.mark.parametrize("share", [0.01, 0.04])
+@pytest.mark.parametrize("seed", [31, 32])
+def test_a_carried_camera_s_board_of_another_size_is_not_good(
+    tmp_path: Path, seed: int, share: float
+) -> None:
+    """The robot's lengths may take the size up in place of the board's: all in one proportion."""
+    drawn = draw(seed, carried=True)
+    estimate = estimated(drawn, tmp_path, square=0.025 / (1.0 + share))
+    verdict = result_at_rest(estimate).verdict
+    assert verdict.status is Status.SUSPECT
+    assert any("measure the board again" in warning for warning in verdict.warnings)
+
+
 def rolling(pixels: Array, rng: np.random.Generator) -> Array:
     """Rows read one after another in 30 ms, the board moving by some 15 cm/s."""
     time = np.nan_to_num(pixels[..., 1:] - 360.0) / 720.0 * 0.03
