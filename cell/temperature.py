@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import hypot
 from typing import Annotated
 
 import numpy as np
@@ -96,6 +97,5 @@ def at_temperature(cell: Cell, temperature: Temperature | None) -> Cell:
     if bar.expansion is not None:
         growth, sigma = temperature.growth(bar.expansion)
         d = bar.d * np.where(np.arange(len(bar.d)) == 2, 1.0 + growth, 1.0)
-        tolerance = float(np.hypot(bar.length_tolerance, bar.length * sigma))
-        bar = replace(bar, d=d, length_tolerance=tolerance)
+        bar = replace(bar, d=d, length_tolerance=hypot(bar.length_tolerance, bar.length * sigma))
     return replace(cell, plate=plate, ballbar=bar)

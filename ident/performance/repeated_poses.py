@@ -71,12 +71,9 @@ def attained(
         seen = seat @ matrix_from_rotvec(values[:, 3:].T).transpose(2, 0, 1)
         own = nearest_rotation((identified[:, :3, :3].transpose(0, 2, 1) @ seen).sum(axis=0))
     points = values[:, :3] @ seat.T + origin
-    return (
-        _attained(
-            nominal, target, points @ turn.T + shift, None if seen is None else turn @ seen, own
-        ),
-        _attained(identified, target, points, seen, own),
-    )
+    there = None if seen is None else turn @ seen
+    before = _attained(nominal, target, points @ turn.T + shift, there, own)
+    return before, _attained(identified, target, points, seen, own)
 
 
 def _attained(
