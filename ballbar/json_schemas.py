@@ -19,6 +19,7 @@ from ballbar.cell.instrument import InstrumentFile
 from ballbar.cell.pose_file import PosesFile
 from ballbar.cell.recording import RecordingFile
 from ballbar.cell.schema import describe_keys
+from ballbar.certificate.details import CertificateDetails
 from ballbar.claims.file import ClaimFile
 from ballbar.planning.pose_request import PosePlanRequest
 from ballbar.planning.request import PlanRequest
@@ -49,6 +50,7 @@ KINDS: dict[str, type[BaseModel]] = {
     "recording": RecordingFile,
     "poses": PosesFile,
     "calibration": CalibrationFile,
+    "certificate-details": CertificateDetails,
     "truth": Truth,
     "pose-truth": PoseTruth,
 }

@@ -7,7 +7,7 @@ away from who looks at its face; the origin is the outer corner of the first squ
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ballbar.cell.arrays import Array
-from ballbar.cell.description_files import Length
+from ballbar.cell.description_files import ExpansionFile, Length
 from ballbar.cell.schema import Line, Positive, Strict
 from ballbar.cell.schema_errors import wrong_key
 from ballbar.cell.strict_yaml import load_model
@@ -48,6 +48,8 @@ class BoardFile(Strict):
     """x and y of each point, where the kind is `points`."""
     sigma_m: Positive
     """Standard deviation of `square_m`; of `points`, of their largest distance."""
+    expansion: ExpansionFile | None = None
+    """Thermal expansion of `square_m` and `points_m`."""
     flat_m: Positive = FLAT
     """Standard deviation of how far the board sags over half of its size."""
 
@@ -75,6 +77,11 @@ class Board:
     scale_sigma: float  # relative, along x and along y
     flat: float  # [m]
     file: BoardFile
+
+    def grown(self, share: float, sigma: float) -> Board:
+        """The board longer by a share of standard uncertainty sigma."""
+        scale_sigma = float(np.hypot(self.scale_sigma, sigma))
+        return replace(self, points=(1.0 + share) * self.points, scale_sigma=scale_sigma)
 
     def bent(self, shape: Array) -> tuple[Array, Array]:
         """Points (C, 3) [m] of the board as it is, and their derivatives (C, 3, 5) by `shape`.

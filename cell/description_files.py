@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from ballbar.cell.descriptions import ProgramLanguage
+from ballbar.cell.descriptions import Expansion, ProgramLanguage
 from ballbar.cell.schema import Line, NotNegative, Positive, Strict
 from ballbar.cell.schema_errors import Loc, wrong_key
 
@@ -113,6 +113,10 @@ class ExpansionFile(Strict):
     per_K: Annotated[float, Field(ge=-1e-5, le=1e-4)]
     sigma_per_K: Annotated[NotNegative, Field(le=1e-4)]
     """Standard uncertainty of per_K."""
+
+    def described(self) -> Expansion:
+        """The same as a description."""
+        return Expansion(self.per_K, self.sigma_per_K)
 
 
 class ServoFile(Strict):

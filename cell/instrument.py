@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.camera import NAMES, Camera, Lens, LensModel
-from ballbar.cell.description_files import NominalAngle
+from ballbar.cell.description_files import ExpansionFile, NominalAngle
 from ballbar.cell.descriptions import BallBar, Link
 from ballbar.cell.geometry import ROD_ROW
 from ballbar.cell.instruments import kinds
@@ -100,6 +100,10 @@ class InstrumentFile(Strict):
     """Joints from the floor to the tool; that of a camera follows from its pictures."""
     camera: CameraFile | None = None
     distance: DistanceFile | None = None
+    expansion: ExpansionFile | None = None
+    """Thermal expansion of what it measures with, a rod, a wire or the fixture of `distance`: still
+    poses are taken with lengths as they are at the temperature of the instrument.
+    """
     mass_kg: NotNegative = 0.0
     """Mass of a rod from seat to target; the target carries half of its weight."""
 
@@ -171,6 +175,7 @@ def instrument_of(name: str, file: InstrumentFile) -> Instrument:
         sigma_rotation=file.chain[-1].sigma_rad if kind.target_turns else 0.0,
         distance=None if distance is None else (distance.length_m, distance.sigma_m),
         mass=file.mass_kg,
+        expansion=None if file.expansion is None else file.expansion.described(),
         camera=None if file.camera is None else camera_of(file.camera),
     )
 

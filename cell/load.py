@@ -22,16 +22,7 @@ from ballbar.cell.description_files import (
     RobotFile,
     ServoFile,
 )
-from ballbar.cell.descriptions import (
-    BallBar,
-    Cell,
-    Expansion,
-    Gears,
-    Link,
-    Plate,
-    Robot,
-    ServoGains,
-)
+from ballbar.cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
 from ballbar.cell.errors import DescriptionError
 from ballbar.cell.foreign_files import read_regular
 from ballbar.cell.instrument import InstrumentFile, instrument_of, telescoping_bar
@@ -136,7 +127,7 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
         log_dialect=file.log_dialect,
         program_language=file.program_language,
         armature=_optional(rotor, lambda f: np.array(f) / np.diag(transmission) ** 2),
-        expansion=_optional(file.expansion, _expansion),
+        expansion=_optional(file.expansion, ExpansionFile.described),
     )
 
 
@@ -162,7 +153,7 @@ def load_ballbar(name_or_path: str, *, relative_to: Path | None = None) -> BallB
         encoder_bits=file.encoder.bits,
         encoder_noise_sigma=file.encoder.noise_sigma_rad,
         links=tuple(_link(body) for _, body in file.links),  # in the order of declaration
-        expansion=_optional(file.expansion, _expansion),
+        expansion=_optional(file.expansion, ExpansionFile.described),
     )
 
 
@@ -182,7 +173,7 @@ def load_plate(name_or_path: str, *, relative_to: Path | None = None) -> Plate:
         tool_offset=file.tool_offset_m,
         tip_stiffness=file.tip_stiffness_N_per_m,
         body=_link(file.body),
-        expansion=_optional(file.expansion, _expansion),
+        expansion=_optional(file.expansion, ExpansionFile.described),
     )
 
 
@@ -275,10 +266,6 @@ def _dh_columns(rows: Iterable[DHRowFile]) -> dict[str, Any]:
 
 def _optional(file: F | None, description: Callable[[F], D]) -> D | None:
     return None if file is None else description(file)
-
-
-def _expansion(file: ExpansionFile) -> Expansion:
-    return Expansion(file.per_K, file.sigma_per_K)
 
 
 def _servo(file: dict[str, ServoFile]) -> dict[str, ServoGains]:

@@ -8,6 +8,7 @@ difference or the sum of two columns: "x_t - x_dif".
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import hypot
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -205,9 +206,15 @@ class KnownDistances(Strict):
 
 
 def known_distances(
-    declared: Sequence[KnownDistances], instrument: Instrument, seats: Iterable[str]
+    declared: Sequence[KnownDistances],
+    instrument: Instrument,
+    seats: Iterable[str],
+    *,
+    growth: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[KnownDistance, ...]:
     """Each declared distance, by default the instrument's own; seats : those that there are.
+
+    growth : share by which distances are longer than stated, and its standard uncertainty.
 
     Raises DescriptionError naming the key.
     """
@@ -224,7 +231,8 @@ def known_distances(
                     f"distances[{k}]: nothing is measured at seat {seat!r}."
                     f"{nearest(seat, names, noun='seat')}"
                 )
-        out += [KnownDistance(pair, length, sigma) for pair in entry.pairs]
+        sigma = hypot(sigma, length * growth[1])
+        out += [KnownDistance(pair, length * (1.0 + growth[0]), sigma) for pair in entry.pairs]
     return tuple(out)
 
 

@@ -58,10 +58,11 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
     square = (rotvec * rotvec).sum(axis=0)
     angle = np.sqrt(square)
     small = angle < 1e-2  # [rad] the closed form cancels below; series error 1e-10 * phi^2
-    safe = np.where(small, 1.0, angle)
-    half = 0.5 * safe
-    closed = (1.0 - half / np.tan(half)) / (safe * safe)
-    factor = np.where(small, 1.0 / 12.0 + square / 720.0, closed)
+    factor = 1.0 / 12.0 + square / 720.0
+    if not small.all():
+        safe = np.where(small, 1.0, angle)
+        half = 0.5 * safe
+        factor = np.where(small, factor, (1.0 - half / np.tan(half)) / (safe * safe))
     x, y, z = rotvec
     xx, yy, zz = factor * x * x, factor * y * y, factor * z * z
     xy, xz, yz = factor * x * y, factor * x * z, factor * y * z

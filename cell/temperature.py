@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import hypot
 from typing import Annotated
 
 import numpy as np
@@ -67,6 +68,15 @@ def temperature_of(stated: Sequence[Temperatures], *, robot: bool) -> Temperatur
     return Temperature(float(np.mean(known)), sigma, None in sigmas)
 
 
+def growth_at(temperature: Temperature | None, expansion: Expansion | None) -> tuple[float, float]:
+    """Share by which a length is longer than at 20 degC, and its standard uncertainty: 0 where
+    temperature or coefficient are not stated.
+    """
+    if temperature is None or expansion is None:
+        return 0.0, 0.0
+    return temperature.growth(expansion)
+
+
 def at_temperature(cell: Cell, temperature: Temperature | None) -> Cell:
     """The cell with plate and rod as long as they are, and as uncertain, at a temperature.
 
@@ -87,6 +97,5 @@ def at_temperature(cell: Cell, temperature: Temperature | None) -> Cell:
     if bar.expansion is not None:
         growth, sigma = temperature.growth(bar.expansion)
         d = bar.d * np.where(np.arange(len(bar.d)) == 2, 1.0 + growth, 1.0)
-        tolerance = float(np.hypot(bar.length_tolerance, bar.length * sigma))
-        bar = replace(bar, d=d, length_tolerance=tolerance)
+        bar = replace(bar, d=d, length_tolerance=hypot(bar.length_tolerance, bar.length * sigma))
     return replace(cell, plate=plate, ballbar=bar)

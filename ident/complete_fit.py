@@ -8,7 +8,7 @@ data do not support dropped. Structure and measured guidance: notes/identificati
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -169,6 +169,8 @@ class _Run:
     options: FitOptions
     listener: Listener
     still: PlacedPoses | None
+    # recordings that by themselves show no step beyond some faults: number, and how many faults
+    steady: set[tuple[int, int]] = field(default_factory=set)
 
     def formed(self, names: Sequence[str]) -> list[Correction]:
         """The corrections of these names."""
@@ -202,9 +204,13 @@ class _Run:
             return fault
         k = fault.recording
         own = tuple(replace(other, recording=0) for other in faults if other.recording == k)
-        alone = replace(self, recordings=[self.recordings[k]], still=None)
-        by_itself = alone.first([c for c in present(result) if belongs_to_machine(c)], own)
-        return fault if find_step_fault(by_itself) is not None else None
+        if (k, len(own)) not in self.steady:
+            alone = replace(self, recordings=[self.recordings[k]], still=None)
+            by_itself = alone.first([c for c in present(result) if belongs_to_machine(c)], own)
+            if find_step_fault(by_itself) is not None:
+                return fault
+            self.steady.add((k, len(own)))
+        return None
 
 
 def refit(result: Fit, extras: Sequence[Correction], listener: Listener = SILENT) -> Fit:

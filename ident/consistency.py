@@ -19,7 +19,7 @@ from ballbar.cell.geometry import parameter_named
 from ballbar.ident.corrections.remounted_tool import KINDS
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.priors import BASE_POSE
-from ballbar.ident.estimator.time_blocks import TimeBlocks, time_blocks
+from ballbar.ident.estimator.time_blocks import BlocksLeftOut, TimeBlocks, time_blocks
 from ballbar.ident.single_causes import WANDERS, worded
 
 # Decrease for a single unknown, over what is left with the change in the model, from which it is
@@ -94,11 +94,11 @@ AGREED = Consistency((), None)
 def consistency(fit: Fit) -> Consistency:
     """How the recordings of a fit, and the parts of each, agree with each other."""
     blocks, count = time_blocks(fit), len(fit.model.recordings)
-    ratios, whole = [], blocks.added(*(blocks.recording == k for k in range(count)))
+    ratios = []
     for k in range(count if count > 1 else 0):
-        left, own = np.arange(count) == k, _own(fit, k)
-        stated = whole.cost[k] + whole.expected(left, own)
-        ratios.append(float(np.sqrt(max(0.0, whole.left_out(left, own)) / stated)))
+        left = blocks.added(blocks.recording == k)
+        held_out = BlocksLeftOut(blocks, left, _own(fit, k))
+        ratios.append(float(np.sqrt(max(0.0, held_out.cost()) / (left.cost + held_out.expected()))))
     return Consistency(tuple(ratios), _surest(blocks))
 
 
@@ -132,7 +132,8 @@ class _Part:
 
     def tests(self, blocks: TimeBlocks) -> dict[Group, tuple[float, Array]]:
         """Decrease of the cost, and change, of each group."""
-        return {name: blocks.changed(self.blocks, group) for name, group in self.groups.items()}
+        part = blocks.added(self.blocks)
+        return {name: blocks.changed(part, group) for name, group in self.groups.items()}
 
     def change(self, blocks: TimeBlocks) -> Change:
         """The smallest group that explains nearly as much as any other."""
@@ -143,7 +144,7 @@ class _Part:
         cause = min(causes, key=lambda name: (tests[name][1].size, -beyond[name]))
         decrease, step = tests[cause]
         times = decrease / step.size / (1.0 + (SINGLE - 1.0) / step.size**0.25)
-        share = decrease / float(blocks.cost[self.blocks].sum())
+        share = decrease / sum(blocks.blocks[b].cost for b in np.flatnonzero(self.blocks))
         size = step[:3] if cause[0] == "seat" else step  # the first three are its position
         return Change(self.recording, self.time, cause, size, float(times), share)
 
@@ -158,7 +159,7 @@ def _parts(blocks: TimeBlocks) -> Iterator[_Part]:
         for first in here[EDGE : here.size - EDGE + 1 : 2]:
             after = np.zeros(blocks.recording.size, dtype=np.bool_)
             after[first : here[-1] + 1] = True
-            yield _Part(k, float(blocks.start[first]), after, groups)
+            yield _Part(k, blocks.blocks[first].start, after, groups)
 
 
 def _groups(fit: Fit, recording: int, *, within: bool) -> dict[Group, NDArray[np.intp]]:

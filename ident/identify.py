@@ -28,7 +28,7 @@ from ballbar.ident.loads.payload import PayloadEstimate, payload_of_recordings
 from ballbar.ident.loads.rod_tension import TORQUE_NEEDS
 from ballbar.ident.model_choice import AUTOCORRELATED
 from ballbar.ident.options import DEFAULTS, SILENT, FitOptions, Listener
-from ballbar.ident.recording_fit import Logs, RecordingFit, fit_recording
+from ballbar.ident.recording_fit import BEYOND, Logs, RecordingFit, fit_recording
 from ballbar.ident.remarks import CORRELATED
 from ballbar.ident.result import Identification
 from ballbar.ident.softening import fit_softening
@@ -39,7 +39,6 @@ from ballbar.ident.verdict import UNEXPLAINED, Status, implausible, noise_status
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 LEFT_OUT = "the points of the tracker were left out: ball-bar and tracker together fit worse"
-BEYOND = 0.010  # [m] rms of what kinematics leave; all that corrections explain is below 1 mm
 PAYLOAD_TIMES = 6000  # of torque from which masses are found; those of 8 min
 
 

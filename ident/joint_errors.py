@@ -11,8 +11,10 @@ what it has explained lets the noise levels fall and smaller errors show.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from scipy.sparse import block_diag, csr_array
 
 from ballbar.cell.descriptions import Cell, Robot
 from ballbar.ident.complete_fit import refit
@@ -26,11 +28,11 @@ from ballbar.ident.corrections.joint_harmonics import (
     orders_of,
 )
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.estimator.normal_equations import whole_jacobian
+from ballbar.ident.estimator.linear_model import LinearModel, SplineColumns
+from ballbar.ident.estimator.normal_equations import jacobian
 from ballbar.ident.estimator.order_search import (
     SLOPE,
     JointOrder,
-    LinearModel,
     OrderSearch,
     peak_orders,
     search_orders,
@@ -38,7 +40,7 @@ from ballbar.ident.estimator.order_search import (
 )
 from ballbar.ident.estimator.regions import joint_regions
 from ballbar.ident.estimator.robust_fit import stacked
-from ballbar.ident.estimator.time_blocks import block_numbers
+from ballbar.ident.estimator.time_blocks import NONE, block_numbers
 from ballbar.ident.options import Listener
 from ballbar.ident.result import Identification
 from ballbar.ident.verdict import Status
@@ -130,22 +132,33 @@ def thinning(fit: Fit) -> int:
 
 def linearised(fit: Fit) -> LinearModel:
     """A complete fit at its estimate, the samples of all recordings beside each other."""
-    step, (normal, gradient) = thinning(fit), fit.by_poses
-    points = [point for point, _, _ in fit.recorded]
-    each = enumerate(fit.recorded)
-    jacobians = (whole_jacobian(fit.model, fit.x, k, p, w) for k, (p, w, _) in each)
+    model, layout, (normal, gradient) = fit.model, fit.model.unknowns, fit.by_poses
+    step, points = thinning(fit), [point for point, _, _ in fit.recorded]
     logged = [np.asarray(p.recording.robot.spline(p.robot_time))[::step] for p in points]
     blocks = [block_numbers(point.recording.times[::step]) for point in points]
     firsts = np.cumsum([0, *(int(block[-1]) + 1 for block in blocks)])
     whitened = [weights(point.columns[GEAR:BAR]) for point, weights, _ in fit.recorded]
+    residual = stacked([residual for _, _, residual in fit.recorded])
+    columns, slope, begin = np.zeros((layout.count, *residual.shape)), np.zeros_like(residual), 0
+    for k, recording in enumerate(model.recordings):
+        for block in jacobian(model, fit.linear, k):
+            at = slice(begin + block.samples.start, begin + block.samples.stop)
+            columns[block.index, : block.values.shape[1], at] = block.values
+            slope[: block.values.shape[1], at] = 0.0 if block.slope is None else block.slope
+        begin += recording.size
+    index = np.concatenate([NONE, *(np.r_[own.knots] for own in layout.own if own.knots)])
+    splines = csr_array(block_diag([recording.splines for recording in model.recordings]))
+    every = [np.arange(r.size) % step == 0 for r in model.recordings]
+    picked: Any = slice(None) if step == 1 else np.flatnonzero(np.concatenate(every))
     return LinearModel(
-        jacobian=stacked([whole[..., ::step] for whole in jacobians]),
-        residual=stacked([residual[:, ::step] for _, _, residual in fit.recorded]),
-        joints=stacked([part[..., ::step] for part in whitened]),
-        angles=np.concatenate([q @ fit.model.gearing.to_gear for q in logged]).T,
+        jacobian=np.delete(columns, index, axis=0)[..., picked],
+        residual=residual[:, picked],
+        joints=stacked(whitened)[..., picked],
+        angles=np.concatenate([q @ model.gearing.to_gear for q in logged]).T,
         prior_gradient=gradient,
         prior_normal=normal,
         regions=joint_regions(np.concatenate(logged)),
         groups=np.concatenate([k + block for k, block in zip(firsts, blocks, strict=False)]),
         few=True,
+        knots=SplineColumns(index, splines[:, picked], slope[:, picked]),
     )

@@ -16,6 +16,7 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import Geometry, nominal_geometry
 from ballbar.cell.inverse import UnreachableError
 from ballbar.cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, TrackerLog
+from ballbar.cell.statistics import rms
 from ballbar.ident.estimator.build_unknowns import kinematic_unknowns
 from ballbar.ident.estimator.fit import Fit, fit_kinematics
 from ballbar.ident.estimator.identifiability import Identifiability, candidates, identifiable
@@ -30,6 +31,7 @@ from ballbar.ident.options import SILENT, FitOptions, ForceSource, Listener
 from ballbar.ident.signals.smooth_log import SmoothLog, motion_of
 from ballbar.ident.start.automatic import Hypothesis, Start, StartError, automatic_start
 
+BEYOND = 0.010  # [m] rms of what kinematics leave; all that corrections explain is below 1 mm
 ROD_SIGMA_START = 2e-6  # [m] 36 N on 1.8e7 N/m, until the residuals say better
 
 
@@ -151,6 +153,9 @@ def fit_recording(
     first = fit_kinematics(samples, begin, clock, fitted, excess, prior_sigma=prior)
     if samples.measures_length:
         samples = samples.with_noise_held(first.clock())
+    iterations = chosen.fit.iterations + first.iterations
+    if is_beyond(first):  # of no robot: other noise would not help
+        return RecordingFit(logs, nominal, start, subset, first, iterations)
     off = (first.geometry().values - nominal.values)[fitted]
     own = of_robot(nominal.table, [nominal.table.parameters[i] for i in fitted])
     final = fit_kinematics(
@@ -161,8 +166,13 @@ def fit_recording(
         ExcessNoise(rod=rod_deviation(first)),
         prior_sigma=np.where(own, with_tails(prior, off), prior),
     )
-    iterations = chosen.fit.iterations + first.iterations + final.iterations
+    iterations += final.iterations
     return RecordingFit(logs, nominal, start, subset, final, iterations)
+
+
+def is_beyond(fit: Fit) -> bool:
+    """Whether a fit of kinematics ended nowhere, far beyond the size of any correction."""
+    return not fit.converged and rms(fit.linear.evaluations[0].closure.error[:3]) > BEYOND
 
 
 def smoothed(

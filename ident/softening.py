@@ -10,13 +10,15 @@ slope tells how far to move the knees, by the derivative of the column with the 
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell
 from ballbar.ident.complete_fit import needs_loads, refit
 from ballbar.ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.estimator.order_search import LinearModel, left_out, of_few
+from ballbar.ident.estimator.linear_model import LinearModel
+from ballbar.ident.estimator.order_search import left_out, of_few
 from ballbar.ident.estimator.time_blocks import block_sums
 from ballbar.ident.joint_errors import linearised, thinning
 from ballbar.ident.options import Listener
@@ -72,7 +74,7 @@ def search_knees(fit: Fit) -> Knees:
         return []
     columns = np.stack(
         [-model.joints[gear] * np.clip(load[gear], -knee, knee) for gear, knee in limits]
-    ).reshape(len(limits), -1)
+    )
     residual, rest = _beyond(model, columns)
     knees: Knees = []
     threshold = 2.0 * np.log(len(limits)) + THRESHOLD
@@ -101,7 +103,7 @@ def moved_knees(fit: Fit) -> Knees:
             * (values[c.name] * np.sign(load[gear]) * (np.abs(load[gear]) > knee))
             for (gear, knee), c in zip(knees, correction.coefficients, strict=True)
         ]
-    ).reshape(len(knees), -1)
+    )
     residual, rest = _beyond(model, columns)
     size = np.sqrt((rest * rest).sum(axis=1))
     size = np.where(size > 0.0, size, 1.0)  # a knee that no load reaches stays
@@ -122,11 +124,12 @@ def _loads(fit: Fit) -> Array:
 
 
 def _beyond(model: LinearModel, columns: Array) -> tuple[Array, Array]:
-    """The residual (R,), and columns (C, R) less what the model's unknowns could do for them."""
-    present = model.jacobian.reshape(len(model.jacobian), -1)
-    normal = present @ present.T + model.prior_normal
-    rest = columns - np.linalg.solve(normal, present @ columns.T).T @ present
-    return model.residual.reshape(-1), rest
+    """The residual (R,), and columns (C, E, N) less what the model's unknowns could do for them,
+    as (C, R).
+    """
+    factor = cho_factor(model.gram() + model.prior_normal)
+    taken = model.combined(cho_solve(factor, model.products(columns)).T)
+    return model.residual.reshape(-1), (columns - taken).reshape(len(columns), -1)
 
 
 def _tests(model: LinearModel, rest: Array, residual: Array) -> Array:

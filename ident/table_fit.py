@@ -28,9 +28,10 @@ from ballbar.ident.corrections.unit_weights import unit_weights
 from ballbar.ident.cross_validation import cross_validated, robust_covariance
 from ballbar.ident.estimator.build_unknowns import still_unknowns
 from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.linear_model import LinearModel
 from ballbar.ident.estimator.model import Model, still_model
 from ballbar.ident.estimator.observations import rounding_noise
-from ballbar.ident.estimator.order_search import LinearModel, OrderSearch, search_orders
+from ballbar.ident.estimator.order_search import OrderSearch, search_orders
 from ballbar.ident.estimator.regions import pose_regions, poses_of
 from ballbar.ident.estimator.robust_fit import fit_robustly, stacked
 from ballbar.ident.estimator.unknowns import HELD, PlacedPoses, Unknowns

@@ -19,7 +19,7 @@ from ballbar.cell.errors import InputError
 from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.load import load_instrument, load_robot
 from ballbar.cell.numerical_inverse import reach_points
-from ballbar.cell.temperature import temperature_of
+from ballbar.cell.temperature import growth_at, temperature_of
 from ballbar.sim.corners import pictured, view_of
 from ballbar.sim.instrument_readings import (
     logged_axes,
@@ -95,7 +95,8 @@ def simulate_poses(settings: SimulationSettings, *, relative_to: Path) -> PoseSi
             f"poses.reference: {instrument.name} measures a {instrument.measured}, and reads no "
             "reference points. Leave it out, or take a tracker."
         )
-    seats, targets = _true_seats(stated, instrument, seed), _places(stated.targets)
+    growth, _ = growth_at(temperature_of([settings.cell], robot=False), instrument.expansion)
+    seats, targets = _true_seats(stated, instrument, seed, growth), _places(stated.targets)
     chosen = seed if stated.seed is None else stated.seed
     stands = choose_poses(stated, instrument, arm, seats, targets, stream(chosen, "poses"))
     order = np.concatenate([stand.order for stand in stands])
@@ -114,6 +115,8 @@ def simulate_poses(settings: SimulationSettings, *, relative_to: Path) -> PoseSi
         last=max(1, int(order.max())),
     )
     shown, values, force = measurement.readings(stands, wrong)
+    if instrument.measured == "length":
+        values = values / (1.0 + growth)  # as the marks of a warm scale show them
     poses = np.empty((int(order.max()) + 1, robot.joints))
     poses[order] = shown
     read, early = unsettled(errors, poses, seed)
@@ -161,8 +164,13 @@ def _plant(
     return "kinematic", f"The poses are kinematic: {why}."
 
 
-def _true_seats(stated: PosesSettings, instrument: Instrument, seed: int) -> dict[str, TruePlace]:
-    """The seats; the second of a pair at the fixture's true distance from the first, drawn."""
+def _true_seats(
+    stated: PosesSettings, instrument: Instrument, seed: int, growth: float
+) -> dict[str, TruePlace]:
+    """The seats; the second of a pair at the fixture's true distance from the first, drawn.
+
+    growth : share by which the fixture is longer than its file says.
+    """
     seats = _places(stated.seats)
     if instrument.distance is None or len(seats) != 2:
         return seats
@@ -175,6 +183,7 @@ def _true_seats(stated: PosesSettings, instrument: Instrument, seed: int) -> dic
             f"{instrument.name} {length:g} m. Move one of them."
         )
     true = length + sigma * float(stream(seed, "seat_distance").standard_normal())
+    true *= 1.0 + growth
     position = tuple((seats[first].position + apart * (true / distance)).tolist())
     return seats | {second: seats[second].model_copy(update={"position_m": position})}
 

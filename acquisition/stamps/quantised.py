@@ -139,18 +139,29 @@ def _lines(shown: Array, parts: list[int]) -> Iterator[tuple[int, int]]:
 def _furthest(shown: Array, first: int, stop: int) -> int:
     """The row up to which one line passes through all steps; shown (N,) [steps]."""
     good, tried = first + 1, min(first + 64, stop)
-    while _fitted(shown[first:tried])[2] <= ROOM:
+    while _fits(shown[first:tried]):
         good = tried
         if tried == stop:
             return stop
         tried = min(first + 2 * (tried - first), stop)
     while tried - good > 1:
         middle = (good + tried) // 2
-        if _fitted(shown[first:middle])[2] <= ROOM:
+        if _fits(shown[first:middle]):
             good = middle
         else:
             tried = middle
     return good
+
+
+def _fits(shown: Array) -> bool:
+    """Whether one line passes through all steps; shown (N,) [steps].
+
+    The chord from the first to the last lies in every band around all of them.
+    """
+    left = shown - np.linspace(shown[0], shown[-1], shown.size)
+    if np.abs(left).max() > ROOM:
+        return False
+    return bool(np.ptp(left) <= ROOM) or _fitted(shown)[2] <= ROOM
 
 
 def _times(shown: Array, period: float) -> Array:

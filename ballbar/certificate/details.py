@@ -58,22 +58,36 @@ class CertificateDetails(Strict):
     identify: IdentifySettings | None = None
     """Settings that the result was identified with, where they were not the defaults."""
     number: Line | None = None
+    """Number of the certificate."""
     laboratory: Line | None = None
+    """Who issues it."""
     customer: Line | None = None
+    """Whom it is for."""
     issued: Day | None = None
+    """Day of issue."""
     robot: RobotDetails = RobotDetails()
     instrument: StandardDetails = StandardDetails()
     plate: StandardDetails = StandardDetails()
     operator: Line | None = None
+    """Who measured."""
     place: Line | None = None
+    """Where the measurement was made."""
     measured: Day | None = None
+    """Day of measurement."""
     temperature_C: Celsius | None = None
+    """Mean temperature of the air."""
     temperature_spread_C: NotNegative | None = None
+    """Largest minus smallest temperature while it was measured."""
     load_kg: NotNegative | None = None
+    """Mass at the flange."""
     load: Line | None = None
+    """Kind of load."""
     tolerance: Tolerance | None = None
+    """Limits of the error of the tool, and the decision rule."""
     traceability: Line | None = None
+    """To which national standards, and by which chain."""
     remarks: tuple[Line, ...] | None = None
+    """Sentences that the certificate prints as they are."""
 
     @model_validator(mode="after")
     def _is_complete_and_of_the_fit(self) -> CertificateDetails:

@@ -49,6 +49,9 @@ def temperature_sentence(entry: TemperatureEntry | None) -> str:
     if entry.plate_expansion_per_K is not None:
         ppm = fixed(entry.plate_expansion_per_K * 1e6, 1)
         out += f"The plate was taken as long as it is there, with {ppm} µm/(m K). "
+    if entry.instrument_expansion_per_K is not None:
+        ppm = fixed(entry.instrument_expansion_per_K * 1e6, 1)
+        out += f"Lengths of the instrument were taken as they are there, with {ppm} µm/(m K). "
     if entry.factor_to_20_C is None or entry.factor_sigma is None:
         return out + "The robot's file states no expansion, so its lengths are not those at 20 °C."
     ppm = fixed((entry.robot_expansion_per_K or 0.0) * 1e6, 1)

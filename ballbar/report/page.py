@@ -23,6 +23,7 @@ from ballbar.report.machine import (
     machine_sections,
 )
 from ballbar.report.maps import AFTER_SCALE, BEFORE_SCALE, workspace_map
+from ballbar.report.performance import performance_section
 from ballbar.report.provenance import provenance_section
 from ballbar.report.recording import recording_sections
 from ballbar.report.section import Section, machine_row, section, template
@@ -48,6 +49,7 @@ def render_report(run: RunData, *, command: str, written: datetime) -> str:
         *error_section(run),
         tcp_section(run, view),
         *diagnosis_section(run, steps),
+        *performance_section(run),
         *budget_section(run),
         *machine_sections(run),
         *joint_error_section(run),

@@ -20,7 +20,11 @@ from ballbar.ident.performance.characteristics import (
     Statement,
 )
 from ballbar.report.numbers import MISSING, fixed, significant
-from ballbar.report.section import template
+from ballbar.report.section import Section, machine_row, section, template
+from ballbar.result.calibration import Calibration
+from ballbar.result.performance import performance
+from ballbar.result.run_data import RunData
+from ballbar.result.write_calibration import calibration_of
 from ballbar.units import MM
 
 DIGITS = 3
@@ -47,6 +51,32 @@ def _cell(statement: Statement, remarks: list[str]) -> Cell:
     return statement.origin, value, "" if None in ends else " to ".join(interval), note
 
 
+def performance_section(run: RunData) -> list[Section]:
+    """Positions that an acceptable result predicts."""
+    robot = run.identification.robot.identified
+    if robot.stated is None or not run.identification.verdict.acceptable:
+        return []
+    stated = performance(Calibration(calibration_of(run), run=run))
+    known = [row for row in stated.rows if row.unit == "m" and row.statements[0].value is not None]
+    rows, remarks = shown(known)
+    return [
+        section(
+            "performance_section.html",
+            {"performance": "Performance"},
+            machine_row(run),
+            groups=_groups(rows),
+            remarks=remarks,
+            side=stated.side,
+            notes=stated.notes,
+        )
+    ]
+
+
+def _groups(rows: Sequence[Row]) -> list[list[Row]]:
+    """Rows of one characteristic together."""
+    return [list(own) for _, own in groupby(rows, key=lambda row: row[0].symbol)]
+
+
 def write_performance(path: Path, stated: Performance, *, title: str, command: str) -> None:
     """Write the page, whole or not at all; command : as the user typed it."""
     plots = []
@@ -55,15 +85,14 @@ def write_performance(path: Path, stated: Performance, *, title: str, command: s
 
         plots.append((place, polar_plot(test), test))
     rows, remarks = shown(stated.rows)
-    groups = [list(own) for _, own in groupby(rows, key=lambda row: row[0].symbol)]
     cube = np.empty((0, 3))
     if stated.poses is not None and stated.axes is not None:
         cube = np.hstack((stated.poses[:, :3, 3] * MM, np.rad2deg(stated.axes)))
     page = template("performance.html").render(
         title=title,
         command=command,
-        pose_groups=[own for own in groups if own[0][0].symbol not in CIRCULAR],
-        circle_groups=[own for own in groups if own[0][0].symbol in CIRCULAR],
+        pose_groups=[own for own in _groups(rows) if own[0][0].symbol not in CIRCULAR],
+        circle_groups=[own for own in _groups(rows) if own[0][0].symbol in CIRCULAR],
         remarks=remarks,
         circles=plots,
         stated=stated,

@@ -204,7 +204,10 @@ class Calibration(Views):
         Raises InputError for a target that is not in the file, or that logs do not have.
         """
         if target is not None or not self.of_logs:
-            return self._robot_of_poses(target)
+            poses = None if self.run is None else self.run.identification.poses
+            if poses is not None and (target is None or target in self.targets):
+                return poses.identified_robot(target)
+            return self.robot_of_poses(target)
         if self.run is not None:
             return self.run.identification.robot.identified
         corrections = tuple(starmap(_correction, self.file.corrections.items()))
@@ -216,13 +219,12 @@ class Calibration(Views):
             return robot
         return replace(robot, stated=stated.covariance, ranges=self.ranges)
 
-    def _robot_of_poses(self, target: str | None) -> IdentifiedRobot:
+    def robot_of_poses(self, target: str | None = None) -> IdentifiedRobot:
+        """The robot of still poses with what the file states; arguments and errors as above."""
         file, targets = self.file_of_poses(), self.targets
         name = target or next(iter(targets))
         if name not in targets:
             raise InputError(f"target {name!r}: the result has {', '.join(targets)}")
-        if self.run is not None and self.run.identification.poses is not None:
-            return self.run.identification.poses.identified_robot(name)
         corrections = tuple(
             as_in_result(POSE_CORRECTIONS[key](self.robot, entries), entries, self.robot)
             for key, entries in file.corrections.items()
@@ -258,15 +260,11 @@ class Calibration(Views):
     def _spread_of_poses(self) -> float:
         """[m] standard deviation of a pose's position along each axis.
 
-        It is that of cross-validation alone, which the covariance of the parameters is part of;
-        where nothing but lengths were measured, it is at least the stated uncertainty of the
-        target, for cross-validation judges the direction of the rods alone.
+        It is that of cross-validation, of poses in regions that others lie about, and at least the
+        stated uncertainty of the target over the whole of the fitted ranges.
         """
         spread = self._validation.mean_m / np.sqrt(8.0 / np.pi)  # of a normal error, 3 axes
-        if all(group.measured == "length" for group in self.file.groups):
-            stated = self.file.fit.tcp_sigma_at_poses_m or self.tcp_sigma
-            spread = stated / np.sqrt(3.0)
-        return float(max(self._validation.sigma_m, spread))
+        return float(max(self._validation.sigma_m, spread, self.tcp_sigma / np.sqrt(3.0)))
 
     def kinematics(
         self,

@@ -23,6 +23,7 @@ from ballbar.ident.performance.cube import fitting_cube
 from ballbar.ident.performance.measured import Circle, lengths_beside, measure
 from ballbar.ident.performance.predicted import RobotPair, predict
 from ballbar.ident.robot.identified_kinematics import kinematics
+from ballbar.ident.robot.inverse_calibration import FULL
 from ballbar.recordings.read import Thing, measured
 from ballbar.result.calibration import Calibration, load
 from ballbar.result.verification import check_same
@@ -34,6 +35,14 @@ NOTES = (
     "test.",
 )
 COMMANDED = "Commanded poses are those of the logged angles, so a logged error does not count."
+NO_CUBE = (
+    "No test cube of 250 to 1000 mm lies within the fitted ranges with one orientation "
+    "and away from singular postures, so the workspace alone is stated; --cube takes another edge."
+)
+FEW_AXES = (
+    "A robot with fewer than six axes does not keep one orientation over a test cube, so the "
+    "workspace alone is stated."
+)
 NO_RADIUS = "F_max and F_min are about the mean length: state the bar's nominal length (--radius)."
 NOTHING = (
     "The measurements hold no pose three times, no path that repeats and no full circle, or no "
@@ -63,7 +72,8 @@ def performance(
     cube = fitting_cube(robots.nominal, robots.robot, side)
     if cube is None and side is not None:
         remedy = "Choose a smaller one, or none for the largest that fits."
-        raise InputError(f"the robot does not take the poses of a cube of {side:g} m. {remedy}")
+        why = remedy if robots.robot.robot.joints >= FULL else FEW_AXES
+        raise InputError(f"the robot does not take the poses of a cube of {side:g} m. {why}")
     rows, circles, notes = list[Characteristic](), list[Circle](), list(NOTES)
     if thing is not None:
         table, targets = _poses_of(stored, robots, measured(thing, cell)), stored.targets
@@ -73,14 +83,19 @@ def performance(
             notes.append(NO_RADIUS)
     stated = merged(rows, predict(robots, cube))
     if cube is None:
+        notes.append(NO_CUBE if stored.robot.joints >= FULL else FEW_AXES)
         return Performance(stated, tuple(notes), tuple(circles))
     axes = joints_to_axes(stored.robot, cube.q)
     return Performance(stated, tuple(notes), tuple(circles), cube.side, cube.poses, axes)
 
 
 def robots_of(calibration: Calibration) -> RobotPair:
-    """The identified robot of a result beside its nominal one, with the tool of both the same."""
-    robot, chain = calibration.identified_robot(), calibration.nominal_chain
+    """The identified robot of a result beside its nominal one, with the tool of both the same.
+
+    What is stated of still poses is what the file holds, so that all documents state the same.
+    """
+    own = calibration.identified_robot if calibration.of_logs else calibration.robot_of_poses
+    robot, chain = own(), calibration.nominal_chain
     geometry = geometry_of_chain(parameter_table(robot.robot), chain)
     return RobotPair(kinematics(robot.rigid(geometry), chain), kinematics(robot, chain))
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ballbar.acquisition.pose_tables import PoseImport
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.schema import NotNegative, Positive, Strict
 from ballbar.cell.temperature import Temperatures, temperature_of
@@ -35,12 +34,14 @@ class TemperatureEntry(Strict):
     factor_sigma: NotNegative | None = None
     # with which the plate of the robot's file was as long as at instrument_C
     plate_expansion_per_K: float | None = None
+    # with which rod, wire, fixture or board of still poses were
+    instrument_expansion_per_K: float | None = None
 
 
 def temperature_entry(data: RunData) -> TemperatureEntry | None:
     """Temperatures of a run; None where not all that was measured states one."""
     stated: Sequence[Temperatures] = [r.recording.description for r in data.recordings]
-    stated = stated or [_of_table(content) for _, content in data.tables]
+    stated = stated or [content.description for _, content in data.tables]
     robot, instrument = (temperature_of(stated, robot=of_robot) for of_robot in (True, False))
     if (known := robot or instrument) is None:
         return None
@@ -48,9 +49,14 @@ def temperature_entry(data: RunData) -> TemperatureEntry | None:
     expansion = data.identification.robot.robot.expansion
     plate = described.plate.expansion if isinstance(described, Cell) and instrument else None
     factor, sigma = None, None
+    own = next((c.expansion for _, c in data.tables if c.expansion is not None), None)
+    # the fit knows what is uncertain of a board and of a fixture, and takes rods as exact
+    scaled = [g.measured == "length" for _, c in data.tables for g in c.table.groups]
     if robot is not None and expansion is not None:
         growth, sigma = robot.growth(expansion)
         factor = 1.0 / (1.0 + growth)
+        if own is not None and instrument is not None and all(scaled):
+            sigma = float(np.hypot(sigma, instrument.growth(own)[1]))
     return TemperatureEntry.model_construct(
         robot_C=None if robot is None else robot.value,
         instrument_C=None if instrument is None else instrument.value,
@@ -60,14 +66,5 @@ def temperature_entry(data: RunData) -> TemperatureEntry | None:
         factor_to_20_C=factor,
         factor_sigma=sigma,
         plate_expansion_per_K=None if plate is None else plate.per_K,
+        instrument_expansion_per_K=None if own is None else own.per_K,
     )
-
-
-def _of_table(content: PoseImport) -> Temperatures:
-    """Temperatures of still poses: as their file states them, or the mean of their column."""
-    columns = [group.temperature for group in content.table.groups]
-    known = [column for column in columns if column is not None]
-    if content.description.temperature_C is not None or len(known) < len(columns):
-        return content.description
-    mean = float(np.concatenate(known).mean())
-    return content.description.model_copy(update={"temperature_C": mean})

@@ -20,6 +20,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.board import Board
 from ballbar.cell.camera import Camera
 from ballbar.cell.chain import cross
+from ballbar.cell.descriptions import Expansion
 from ballbar.cell.placement import Placement
 from ballbar.cell.rotation import matrix_from_rotvec
 
@@ -206,6 +207,7 @@ class Instrument:
     sigma_rotation: float  # [rad] of the target's sensed orientation, each axis
     distance: tuple[float, float] | None  # [m] between two seats, and its sigma
     mass: float  # [kg] of a rod from seat to target
+    expansion: Expansion | None = None  # of its lengths
     camera: Camera | None = None  # whose pictures of a board tell its pose
     view: View | None = None  # the board that its pictures are of, where it is known
 

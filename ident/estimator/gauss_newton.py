@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.errors import FailureError
@@ -239,10 +239,12 @@ def _scaled(normal: Array, damping: float = ROUNDING) -> tuple[Array, Array]:
 
 def _solved(matrix: Array, right: Array) -> Array:
     """Solution of a positive definite system (P, P) for (P,) or (P, K)."""
-    try:
-        return np.asarray(cho_solve(cho_factor(matrix), right))
-    except (np.linalg.LinAlgError, ValueError) as error:
+    finite = bool(np.isfinite(matrix).all() and np.isfinite(right).all())
+    factor, minor = dpotrf(matrix) if finite else (matrix, -1)  # scipy's own functions check more
+    if minor != 0:
+        error = f"{minor}-th leading minor is not positive definite" if finite else "not finite"
         raise SingularError(
             f"the fit cannot be linearised: {error}. "
             "Check the start values and the recording, or identify fewer parameters"
-        ) from None
+        )
+    return np.asarray(dpotrs(factor, right)[0])

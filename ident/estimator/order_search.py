@@ -17,11 +17,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.linalg.blas import dgemm
 
 from ballbar.cell.arrays import Array
+from ballbar.ident.estimator.linear_model import LinearModel
 
 ORDERS = 40  # highest order of the candidates
 # Of the score test, above twice the logarithm of the number of candidates: no order in 140 tables
@@ -38,23 +38,6 @@ _SLOPES = 1e-3 / 3e-4
 HIGHEST = 150.0  # order of the peaks that are looked for: a reducer's teeth
 _PEAKS = 3  # of each joint
 _BESIDE = 0.15  # [cycles a turn] closer to a candidate it is that one
-
-
-@dataclass(frozen=True, eq=False)
-class LinearModel:
-    """A fit linearised at its estimate, whitened: N samples with E equations each."""
-
-    jacobian: Array  # (P, E, N) of the residual
-    residual: Array  # (E, N)
-    joints: Array  # (J, E, N) of the residual, per radian of each joint's gear
-    angles: Array  # (J, N) [rad] of the gears; of most robots these are the joints
-    prior_gradient: Array  # (P,) of half the prior's cost
-    prior_normal: Array  # (P, P)
-    regions: NDArray[np.intp]  # (N,) folds of the cross-validation
-    # (N,) number from 0 of the group that counts once, because errors within it are equal: several
-    # targets at one pose, a block of time of a log
-    groups: NDArray[np.intp]
-    few: bool = False  # whether groups are some tens only, for which the test must allow
 
 
 @dataclass(frozen=True)
@@ -98,8 +81,8 @@ def peak_orders(model: LinearModel, others: Sequence[tuple[int, float]]) -> list
     for joint, (columns, angle) in enumerate(zip(model.joints, model.angles, strict=True)):
         score, weight = (columns * model.residual).sum(axis=0), (columns**2).sum(axis=0)
         step = np.pi / (2.0 * max(np.ptp(angle), 1.0))
-        orders = np.arange(step, HIGHEST, step)
-        turn = np.exp(1j * orders[:, None] * angle)
+        orders, once = np.arange(step, HIGHEST, step), np.exp(1j * step * angle)
+        turn = np.cumprod(np.broadcast_to(once, (orders.size, once.size)), axis=0)
         power = np.abs(turn @ score) ** 2 / weight.sum()
         top = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
         for k in top[np.argsort(-power[top])[:_PEAKS]]:
@@ -126,23 +109,22 @@ def search_orders(
     """
     pairs = whole_orders(len(model.joints)) if pairs is None else pairs
     candidates = _candidates(model, pairs)
-    grams = _Grams(model, candidates, prior)
-    scores = _Scores(model, candidates, prior, grams)
+    scores = _Scores(model, candidates, prior)
     limit = 2.0 * np.log(len(candidates)) + threshold
     taken: list[int] = []
     orders: list[JointOrder] = []
-    first = scores.tests()
-    level, tests = grams.plain(), first
+    tests = first = scores.tests()
     while len(taken) < LARGEST:
         ranked = [c for c in np.argsort(-tests)[:TRIED] if tests[c] > limit and c not in taken]
         if not ranked:
             break
-        levels = grams.cross_validated(taken, ranked)
+        grams = _Grams(model, candidates[[*taken, *ranked]], prior)
+        level, levels = grams.cross_validated(len(taken))
         best = int(np.argmin(levels))
         gain = 1.0 - float(levels[best]) / level
         if gain < GAIN:
             break
-        chosen, level = int(ranked[best]), float(levels[best])
+        chosen = int(ranked[best])
         taken.append(chosen)
         joint, order = pairs[chosen]
         same = [
@@ -170,7 +152,7 @@ def _spectrum(pairs: Sequence[tuple[int, float]], tests: Array, joints: int) -> 
 
 
 def _candidates(model: LinearModel, pairs: Sequence[tuple[int, float]]) -> Array:
-    """(C, 2, N E) columns of every pair of joint and order."""
+    """(C, 2, E, N) columns of every pair of joint and order."""
     out = np.empty((len(pairs), 2, *model.residual.shape))
     for (joint, order), columns in zip(pairs, out, strict=True):
         angle = order * model.angles[joint]
@@ -178,7 +160,7 @@ def _candidates(model: LinearModel, pairs: Sequence[tuple[int, float]]) -> Array
         if order == SLOPE:
             waves[0] = _SLOPES * (model.angles[joint] - model.angles[joint].mean())
         np.multiply(model.joints[joint], waves[:, None], out=columns)
-    return out.reshape(len(pairs), 2, -1)
+    return out
 
 
 ALIAS = 0.98  # correlation of two candidates' columns from which data hardly tell them apart
@@ -187,12 +169,13 @@ ALIAS = 0.98  # correlation of two candidates' columns from which data hardly te
 class _Scores:
     """Score tests of all candidates against the model as it grows."""
 
-    def __init__(self, model: LinearModel, candidates: Array, prior: float, grams: _Grams) -> None:
-        self._raw, self._shape, self._prior = candidates, model.residual.shape, prior
-        present = model.jacobian.reshape(len(model.jacobian), -1)
-        normal, mixed = np.split(grams.whole[: len(present)], [len(present)], axis=1)
-        taken = (cho_solve(cho_factor(normal), mixed).T @ present).reshape(candidates.shape)
-        self._rest: Array = candidates - taken  # what the model cannot take over
+    def __init__(self, model: LinearModel, candidates: Array, prior: float) -> None:
+        count, shape = len(candidates), model.residual.shape
+        self._raw, self._shape, self._prior = candidates.reshape(count, 2, -1), shape, prior
+        factor = cho_factor(model.gram() + model.prior_normal)
+        mixed = model.products(candidates.reshape(2 * count, *shape))
+        taken = model.combined(cho_solve(factor, mixed).T).reshape(self._raw.shape)
+        self._rest: Array = self._raw - taken  # what the model cannot take over
         self._residual = model.residual.reshape(-1)
         self._order = np.argsort(model.groups, kind="stable")
         self._starts = np.flatnonzero(np.diff(model.groups[self._order], prepend=-1))
@@ -267,42 +250,35 @@ def of_few(tests: Array, groups: int) -> Array:
 
 
 class _Grams:
-    """Gram matrices of model and candidates in every fold, for cross-validation."""
+    """Gram matrices of model and some candidates in every fold, for cross-validation."""
 
     def __init__(self, model: LinearModel, candidates: Array, prior: float) -> None:
-        present = model.jacobian.reshape(len(model.jacobian), -1)
-        self._present = len(present)
-        columns = np.concatenate((present, candidates.reshape(-1, present.shape[1])))
-        fold_of = np.tile(model.regions, model.residual.shape[0])
-        residual = model.residual.reshape(-1)
+        """candidates : (T, 2, E, N) columns."""
+        present, residual = model.columns, model.residual.reshape(-1)
+        self._present = count = len(present)
+        columns = np.concatenate((present, candidates.reshape(-1, *present.shape[1:])))
+        flat = columns.reshape(len(columns), -1)
+        fold_of = np.tile(model.regions, len(model.residual))
         self._folds: list[tuple[Array, Array, float]] = []
         for fold in range(model.regions.max() + 1):
-            own = np.ascontiguousarray(columns[:, fold_of == fold])
+            own = np.ascontiguousarray(flat[:, fold_of == fold])
             rest = residual[fold_of == fold]
             self._folds.append((own @ own.T, own @ rest, float(rest @ rest)))
         self.whole: Array = np.sum([gram for gram, _, _ in self._folds], axis=0)
         self._gradient: Array = np.sum([gradient for _, gradient, _ in self._folds], axis=0)
-        count = self._present
         self.whole[:count, :count] += model.prior_normal
         self._gradient[:count] += model.prior_gradient
         self.whole[np.arange(count, len(columns)), np.arange(count, len(columns))] += prior**-2.0
 
-    def plain(self) -> float:
-        """Sum of squares left in the folds left out, without any candidate."""
-        total, base = 0.0, np.arange(self._present)
-        for gram, gradient, square in self._folds:
-            left, slope = self.whole - gram, self._gradient - gradient
-            step = -np.linalg.solve(left[np.ix_(base, base)], slope[base])
-            held = gram[np.ix_(base, base)]
-            total += square + float(2.0 * step @ gradient[base] + step @ held @ step)
-        return total
+    def cross_validated(self, taken: int) -> tuple[float, Array]:
+        """Sum of squares left in the folds left out, and (T,) with each of the last T candidates.
 
-    def cross_validated(self, taken: list[int], tried: list[int]) -> Array:
-        """(T,) sum of squares left in the folds left out, with each of the T candidates tried."""
-        base = np.r_[np.arange(self._present), self._columns(taken)]
-        pairs, t = self._columns(tried), len(tried)
+        taken : how many of the first ones are part of the model.
+        """
+        base, pairs = np.split(np.arange(len(self.whole)), [self._present + 2 * taken])
+        t = pairs.size // 2
         own = pairs.reshape(t, 2)
-        total = np.zeros(t)
+        level, total = 0.0, np.zeros(t)
         for gram, gradient, square in self._folds:
             left, slope = self.whole - gram, self._gradient - gradient
             factor = np.linalg.cholesky(left[np.ix_(base, base)])
@@ -315,13 +291,11 @@ class _Grams:
             added = -np.linalg.solve(schur, rest[..., None])[..., 0]  # (T, 2)
             moved = np.einsum("pti,ti->pt", whole[:, 1:].reshape(-1, t, 2), added)
             steps = -whole[:, :1] - moved  # (P, T)
-            held = gram[np.ix_(base, base)] @ steps
+            own_gram, alone = gram[np.ix_(base, base)], -whole[:, 0]
+            level += square + float((2.0 * gradient[base] + own_gram @ alone) @ alone)
+            held = own_gram @ steps
             across = np.einsum("pti,ti->pt", gram[np.ix_(base, pairs)].reshape(-1, t, 2), added)
             total += square + 2.0 * (gradient[base] @ steps + (gradient[own] * added).sum(axis=1))
             total += (steps * (held + 2.0 * across)).sum(axis=0)
             total += np.einsum("ti,tij,tj->t", added, gram[own[:, :, None], own[:, None]], added)
-        return total
-
-    def _columns(self, candidates: list[int]) -> NDArray[np.intp]:
-        each = np.asarray(candidates, dtype=np.intp)
-        return (self._present + 2 * each[:, None] + np.arange(2)).reshape(-1)
+        return level, total

@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lu_factor, lu_solve
 
 from ballbar.cell.arrays import Array
 from ballbar.ident.estimator.fit import Fit
@@ -29,16 +30,46 @@ NONE = np.empty(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, eq=False)
+class Block:
+    """The data's part of the normal equations of a block of time, or of several."""
+
+    recording: int  # from 0, of the first sample
+    start: float  # [s] of the first sample
+    index: NDArray[np.intp]  # (p,) unknowns that the block tells of
+    normal: Array  # (p, p)
+    gradient: Array  # (p,) of half the cost
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
 class TimeBlocks:
     """The data's part of a fit's normal equations, block by block in order of time."""
 
     fit: Fit
-    recording: NDArray[np.intp]  # (B,) from 0
-    start: Array  # (B,) [s] of the first sample
-    normal: Array  # (B, P, P)
-    gradient: Array  # (B, P) of half the cost
-    cost: Array  # (B,)
+    blocks: tuple[Block, ...]  # B
     covariance: Array  # (P, P) of the fit to all blocks
+
+    @cached_property
+    def recording(self) -> NDArray[np.intp]:
+        """(B,) from 0."""
+        return np.array([block.recording for block in self.blocks])
+
+    @cached_property
+    def whole(self) -> Block:
+        """All blocks as one."""
+        return self.added(np.ones(len(self.blocks), dtype=np.bool_))
+
+    def added(self, part: NDArray[np.bool_]) -> Block:
+        """A part (B,) of the blocks as one block, which tells of all unknowns."""
+        count = self.fit.x.size
+        normal, gradient, cost = np.zeros((count, count)), np.zeros(count), 0.0
+        chosen = [self.blocks[b] for b in np.flatnonzero(part)]
+        for block in chosen:
+            normal[np.ix_(block.index, block.index)] += block.normal
+            gradient[block.index] += block.gradient
+            cost += block.cost
+        first = chosen[0]
+        return Block(first.recording, first.start, np.arange(count), normal, gradient, cost)
 
     def held_out_cost(self, absent: NDArray[np.intp]) -> float:
         """Cost of blocks that the fit was not made from, of the fit without some unknowns.
@@ -46,68 +77,18 @@ class TimeBlocks:
         absent : indices of the unknowns that stay at their priors' means. The knots of the tension
         belong to a block's own time; they are fitted there, under their priors.
         """
-        knots = [np.r_[own.knots] for own in self.fit.model.unknowns.own if own.knots is not None]
-        local, folds = np.concatenate([NONE, *knots]), self.folds
-        return sum(folds.left_out(np.arange(FOLDS) == k, local, absent) for k in range(FOLDS))
+        return sum(fold.cost(absent) for fold in self.folds)
 
     @cached_property
-    def folds(self) -> TimeBlocks:
-        """The folds of a cross-validation, each as one block."""
+    def folds(self) -> list[BlocksLeftOut]:
+        """The folds of a cross-validation, each left out of the fit."""
+        knots = [np.r_[own.knots] for own in self.fit.model.unknowns.own if own.knots is not None]
+        local = np.concatenate([NONE, *knots])
         fold = np.concatenate([np.arange(n) for n in np.bincount(self.recording)]) % FOLDS
-        return self.added(*(fold == k for k in range(FOLDS)))
+        return [BlocksLeftOut(self, self.added(fold == k), local) for k in range(FOLDS)]
 
-    def added(self, *parts: NDArray[np.bool_]) -> TimeBlocks:
-        """Parts (B,) of the blocks, each as one block."""
-        share = np.array(parts, dtype=float)
-        normal, gradient, cost = (
-            np.tensordot(share, values, axes=1)
-            for values in (self.normal, self.gradient, self.cost)
-        )
-        first = [int(np.argmax(part)) for part in parts]
-        return replace(
-            self,
-            recording=self.recording[first],
-            start=self.start[first],
-            normal=normal,
-            gradient=gradient,
-            cost=cost,
-        )
-
-    def left_out(
-        self, left: NDArray[np.bool_], local: NDArray[np.intp], absent: NDArray[np.intp] = NONE
-    ) -> float:
-        """Cost of some blocks (B,) of the fit that is made from the others.
-
-        local : indices of the unknowns that are fitted to the blocks that were left out; their
-        priors count. absent : as above.
-        """
-        layout = self.fit.model.unknowns
-        weight = layout.sigma**-2.0
-        slope = weight * (self.fit.x - layout.mean)
-        known, pulled = self.fit.by_poses
-        away = np.zeros(layout.count)
-        away[absent] = layout.mean[absent] - self.fit.x[absent]
-        free = np.setdiff1d(np.arange(layout.count), absent)
-        whole, pull = self.normal.sum(axis=0), self.gradient.sum(axis=0)
-        normal, gradient = (v[left].sum(axis=0) for v in (self.normal, self.gradient))
-        step = _step(whole - normal + known, pull - gradient + pulled, away, free)
-        step = _step(normal + np.diag(weight), gradient + slope, step, local)
-        prior = (2.0 * slope[local] + weight[local] * step[local]) @ step[local]
-        data = self.cost[left].sum() + (2.0 * gradient + normal @ step) @ step
-        return float(data + prior)
-
-    def expected(self, left: NDArray[np.bool_], local: NDArray[np.intp]) -> float:
-        """Cost that the uncertainty of the fit to the others adds to `left_out`, on average."""
-        count = self.fit.model.unknowns.count
-        weight, shared = self.fit.model.unknowns.sigma**-2.0, np.setdiff1d(np.arange(count), local)
-        whole, normal = self.normal.sum(axis=0), self.normal[left].sum(axis=0)
-        covariance = np.linalg.inv(whole - normal + self.fit.by_poses[0])[np.ix_(shared, shared)]
-        mixed, own = normal[np.ix_(shared, local)], normal[np.ix_(local, local)]
-        absorbed = mixed @ np.linalg.solve(own + np.diag(weight[local]), mixed.T)
-        return float(np.sum(covariance * (normal[np.ix_(shared, shared)] - absorbed)))
-
-    def changed(self, part: NDArray[np.bool_], group: NDArray[np.intp]) -> tuple[float, Array]:
-        """Decrease of the cost if a group of unknowns may differ in a part (B,); and by how far.
+    def changed(self, part: Block, group: NDArray[np.intp]) -> tuple[float, Array]:
+        """Decrease of the cost if a group of unknowns may differ in a part; and by how far.
 
         A score test: `h' W^-1 h` with h the group's gradient in that part and
         `W = N - N C N + prior` what it says of the group beyond all other blocks of the fit.
@@ -117,43 +98,62 @@ class TimeBlocks:
 
     def freed(self, part: NDArray[np.bool_], group: NDArray[np.intp]) -> TimeBlocks:
         """The blocks at the fit in which a group of unknowns differs in a part of them (B,)."""
-        own, mixed, step = self._apart(part, group)
-        shared = self.covariance @ mixed.T
-        gradient = self.gradient - self.normal @ (shared @ step)
-        gradient[part] += self.normal[part][:, :, group] @ step
+        own, mixed, step = self._apart(self.added(part), group)
+        shared, apart = self.covariance @ mixed.T, np.zeros(self.fit.x.size)
+        apart[group] = step
+        blocks = [
+            replace(b, gradient=b.gradient + b.normal @ (inside * apart - shared @ step)[b.index])
+            for b, inside in zip(self.blocks, part, strict=True)
+        ]
         covariance = self.covariance + shared @ np.linalg.solve(own, shared.T)
-        return replace(self, gradient=gradient, covariance=covariance)
+        return replace(self, blocks=tuple(blocks), covariance=covariance)
 
-    def _apart(
-        self, part: NDArray[np.bool_], group: NDArray[np.intp]
-    ) -> tuple[Array, Array, Array]:
+    def _apart(self, part: Block, group: NDArray[np.intp]) -> tuple[Array, Array, Array]:
         """For a part: W (G, G) as above, normal matrix (G, P), and the group's step (G,)."""
-        place = np.ix_(part, group)
-        mixed, gradient = self.normal[place].sum(axis=0), self.gradient[place].sum(axis=0)
+        mixed = part.normal[group]
         own = mixed[:, group] - mixed @ self.covariance @ mixed.T
         own += np.diag(self.fit.model.unknowns.sigma[group] ** -2.0)
-        return own, mixed, -np.linalg.solve(own, gradient)
+        step = np.asarray(-np.linalg.solve(own, part.gradient[group]), dtype=np.float64)
+        return own, mixed, step
 
 
-def _step(normal: Array, gradient: Array, step: Array, free: NDArray[np.intp]) -> Array:
-    """A step (P,) whose elements `free` are those that minimise the cost, beside its others."""
-    out = step.copy()
-    out[free] = 0.0
-    slope = (gradient + normal @ out)[free]
-    out[free] = -np.linalg.solve(normal[np.ix_(free, free)], slope)
-    return out
+class BlocksLeftOut:
+    """Blocks that are left out, beside the fit that is made from the others."""
 
+    def __init__(self, blocks: TimeBlocks, left: Block, local: NDArray[np.intp]) -> None:
+        """left : the blocks, as one. local : indices of the unknowns that are fitted to them in the
+        end; their priors count.
+        """
+        layout, known = blocks.fit.model.unknowns, blocks.fit.by_poses
+        self._weight, self._off = layout.sigma**-2.0, blocks.fit.x - layout.mean
+        self._left, self._local = left, local
+        self._others = lu_factor(blocks.whole.normal - left.normal + known[0])
+        gradient = blocks.whole.gradient - left.gradient + known[1]
+        self._step = -lu_solve(self._others, gradient)
+        self._own = left.normal[np.ix_(local, local)] + np.diag(self._weight[local])
+        self._factor = lu_factor(self._own)
 
-@dataclass(frozen=True, eq=False)
-class Block:
-    """The data's part of the normal equations of one block of time."""
+    def cost(self, absent: NDArray[np.intp] = NONE) -> float:
+        """Cost of the blocks; absent : indices of unknowns that stay at their priors' means."""
+        left, local, step = self._left, self._local, self._step.copy()
+        if absent.size:
+            columns = lu_solve(self._others, np.eye(step.size)[:, absent])
+            away = -self._off[absent] - step[absent]
+            step += columns @ np.linalg.solve(columns[absent], away)
+        step[local] = 0.0
+        slope = self._weight[local] * self._off[local]
+        step[local] = -lu_solve(self._factor, (left.gradient + left.normal @ step)[local] + slope)
+        prior = (2.0 * slope + self._weight[local] * step[local]) @ step[local]
+        return float(left.cost + (2.0 * left.gradient + left.normal @ step) @ step + prior)
 
-    recording: int  # from 0
-    start: float  # [s] of the first sample
-    index: NDArray[np.intp]  # (p,) unknowns that the block tells of
-    normal: Array  # (p, p)
-    gradient: Array  # (p,) of half the cost
-    cost: float
+    def expected(self) -> float:
+        """Cost that the uncertainty of the fit to the others adds, on average."""
+        normal, local = self._left.normal, self._local
+        shared = np.setdiff1d(np.arange(len(normal)), local)
+        covariance = lu_solve(self._others, np.eye(len(normal)))[np.ix_(shared, shared)]
+        mixed = normal[np.ix_(shared, local)]
+        absorbed = mixed @ lu_solve(self._factor, mixed.T)
+        return float(np.sum(covariance * (normal[np.ix_(shared, shared)] - absorbed)))
 
 
 def each_block(fit: Fit, length: float, *, followed: bool = False) -> Iterator[Block]:
@@ -183,20 +183,7 @@ def each_block(fit: Fit, length: float, *, followed: bool = False) -> Iterator[B
 
 def time_blocks(fit: Fit, length: float = LENGTH) -> TimeBlocks:
     """A fit in blocks of `length` [s]; no block spans two recordings."""
-    blocks, count = list(each_block(fit, length)), fit.x.size
-    out = TimeBlocks(
-        fit=fit,
-        recording=np.array([b.recording for b in blocks]),
-        start=np.array([b.start for b in blocks]),
-        normal=np.zeros((len(blocks), count, count)),
-        gradient=np.zeros((len(blocks), count)),
-        cost=np.array([b.cost for b in blocks]),
-        covariance=fit.covariance,
-    )
-    for b, block in enumerate(blocks):
-        out.normal[b][np.ix_(block.index, block.index)] = block.normal
-        out.gradient[b, block.index] = block.gradient
-    return out
+    return TimeBlocks(fit, tuple(each_block(fit, length)), fit.covariance)
 
 
 def block_numbers(times: Array, block: float = BLOCK) -> NDArray[np.intp]:

@@ -20,7 +20,7 @@ from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.model import Evaluation, Model
 from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.ident.estimator.normal_equations import NormalEquations
-from ballbar.ident.estimator.whitening import cholesky, covariance, solve_lower
+from ballbar.ident.estimator.whitening import cholesky, covariance, inverse_lower
 
 LOWEST, HIGHEST = 1e-8, 3e-3  # [rad, m] below every noise of the logs; above every model error
 LITTLE = 1e-7  # [rad, m] start of a second search where a step of the first was too long
@@ -138,8 +138,7 @@ class _Likelihood:
         """-2 log likelihood of the variances, and its derivatives (C,)."""
         spread = self.logged + np.tensordot(variances, self.per_variance, axes=1)
         factor = cholesky(spread)
-        identity = np.broadcast_to(np.eye(6)[:, :, None], spread.shape)
-        rows = solve_lower(factor, identity)  # rows[i] is column i of the inverse factor
+        rows = inverse_lower(factor)
         white = (rows * self.error[:, None]).sum(axis=0)
         weighted = (rows * white).sum(axis=1)
         slope = np.einsum("ikn,jkn->ijn", rows, rows) - weighted[:, None] * weighted

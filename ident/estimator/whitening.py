@@ -117,9 +117,8 @@ def whitening(covariances: Array, unmeasured: Array) -> Whitening:
     covariances : (6, 6, N) of the error [m, rad]. unmeasured : (m, 6, N) its change per radian of
     each unmeasured joint [m, rad].
     """
-    m, _, n = unmeasured.shape
-    identity = np.broadcast_to(np.eye(6)[:, :, None], (6, 6, n))
-    rows = solve_lower(cholesky(covariances), identity).transpose(1, 0, 2).copy()
+    m = len(unmeasured)
+    rows = inverse_lower(cholesky(covariances)).transpose(1, 0, 2).copy()
     columns = _product(rows, unmeasured)
     for k in range(m):  # Householder reflections
         head = columns[k, k:]
@@ -144,14 +143,14 @@ def cholesky(matrices: Array) -> Array:
     return lower
 
 
-def solve_lower(lower: Array, columns: Array) -> Array:
-    """L^-1 times columns (..., 6, N), by forward substitution; lower : (6, 6, N)."""
-    out = np.empty_like(columns)
+def inverse_lower(lower: Array) -> Array:
+    """(6, 6, N) columns of the inverses of lower factors (6, 6, N), by forward substitution."""
+    out = np.zeros_like(lower)
     for i in range(6):
-        rest = columns[..., i, :].copy()
+        out[i, i] = 1.0
         for j in range(i):
-            rest -= lower[i, j] * out[..., j, :]
-        out[..., i, :] = rest / lower[i, i]
+            out[: j + 1, i] -= lower[i, j] * out[: j + 1, j]
+        out[: i + 1, i] /= lower[i, i]
     return out
 
 

@@ -34,6 +34,12 @@ class CircularTest:
     eccentricity: Array  # (2,) [m] centre of the least-squares circle from the origin of the rows
 
     @property
+    def points(self) -> Array:
+        """(N, 2) [m] about the centre of the least-squares circle."""
+        along = np.column_stack((np.cos(self.angle), np.sin(self.angle)))
+        return np.asarray((self.radius + self.deviation)[:, None] * along)
+
+    @property
     def laps(self) -> int:
         """Full circles that were passed, both directions together."""
         turns = (self.angle[self.counter_clockwise == way] for way in (True, False))
@@ -104,15 +110,28 @@ def mean_path(test: CircularTest) -> Array:
     """
     points = []
     arcs = np.floor(np.mod(test.angle, 2.0 * np.pi) / ARC).astype(np.intp)
-    radius = test.radius + test.deviation
-    given = np.column_stack((radius * np.cos(test.angle), radius * np.sin(test.angle)))
     for way in (True, False):
         rows = test.counter_clockwise == way
         counts = np.bincount(arcs[rows])
-        sums = np.column_stack([np.bincount(arcs[rows], column) for column in given[rows].T])
+        sums = np.column_stack([np.bincount(arcs[rows], c) for c in test.points[rows].T])
         means = sums[counts > 0] / counts[counts > 0, None]
         points.append(means if way else means[::-1])
     return np.vstack(points)
+
+
+def smoothed(test: CircularTest, harmonics: int) -> Array:
+    """(N,) [m] deviations of each direction as so many harmonics of the angle; its mean alone where
+    it was passed in too few rows.
+    """
+    out = np.zeros(test.angle.size)
+    for way in (True, False):
+        rows = test.counter_clockwise == way
+        orders = np.arange(min(harmonics, rows.sum() // 4) + 1)
+        turns = np.outer(test.angle[rows], orders)
+        columns = np.hstack((np.cos(turns), np.sin(turns[:, 1:])))
+        solution = np.linalg.lstsq(columns, test.deviation[rows], rcond=None)[0]
+        out[rows] = columns @ solution
+    return out
 
 
 def circular_deviation(test: CircularTest, *, counter_clockwise: bool) -> float | None:
@@ -120,11 +139,7 @@ def circular_deviation(test: CircularTest, *, counter_clockwise: bool) -> float 
     rows = test.counter_clockwise == counter_clockwise
     if not rows.any() or np.ptp(test.angle[rows]) < FULL:
         return None
-    radius = test.radius + test.deviation[rows]
-    along = np.column_stack((np.cos(test.angle[rows]), np.sin(test.angle[rows])))
-    centre, mean = least_squares_circle(radius[:, None] * along)
-    own = np.linalg.norm(radius[:, None] * along - centre, axis=1) - mean
-    return float(np.ptp(own))
+    return circular_test(test.points[rows], test.nominal).roundness
 
 
 def bidirectional_deviation(test: CircularTest) -> float | None:

@@ -76,14 +76,6 @@ def distance_accuracy(first: Array, second: Array, commanded: Array) -> float:
     return float(np.linalg.norm(first - second, axis=1).mean() - distance)
 
 
-def component_distance_accuracy(first: Array, second: Array, commanded: Array) -> Array:
-    """(3,) distance accuracies AD_x, AD_y, AD_z [m] or AD_a, AD_b, AD_c [rad], clause 7.3: the law
-    of `distance_accuracy` along each coordinate. first, second : (n, 3); commanded : (2, 3)
-    """
-    attained = np.abs(first - second).mean(axis=0)
-    return np.asarray(attained - np.abs(commanded[0] - commanded[1]))
-
-
 def distance_repeatability(first: Array, second: Array) -> float:
     """Distance repeatability RD [m], +- 3 S of the attained distances, clause 7.3.
 
@@ -133,19 +125,19 @@ def orientation_path_repeatability(attained: Array) -> Array:
 
 
 def in_normal_planes(path: Array, commanded: Array) -> Array:
-    """(m, 3) [m] where an attained path passes the planes normal to the commanded path, clause 8.2.
+    """(m, C) where an attained path passes the planes normal to the commanded path, clause 8.2.
 
-    path : (K, 3) [m] sampled, straight between the samples. commanded : (m, 3) [m], whose tangents
-    are differences of neighbours. NaN where a plane is not passed; of several passages the one
-    nearest to the commanded point counts.
+    path : (K, C) sampled, straight between the samples: three coordinates [m], and angles [rad]
+    where they are known. commanded : (m, 3) [m], whose tangents are differences of neighbours. NaN
+    where a plane is not passed; of several passages the one nearest to the commanded point counts.
     """
     tangents = np.gradient(commanded, axis=0)
-    along = np.einsum("kmc,mc->km", path[:, None] - commanded, tangents)
+    along = np.einsum("kmc,mc->km", path[:, None, :3] - commanded, tangents)
     begin, end = along[:-1], along[1:]
     passed = (begin <= 0.0) & (end > 0.0)
     share = np.where(passed, begin / np.where(passed, begin - end, 1.0), 0.0)
     points = path[:-1, None] + share[..., None] * np.diff(path, axis=0)[:, None]
-    away = np.where(passed, np.linalg.norm(points - commanded, axis=2), np.inf)
+    away = np.where(passed, np.linalg.norm(points[..., :3] - commanded, axis=2), np.inf)
     nearest = away.argmin(axis=0)
     chosen = points[nearest, np.arange(len(commanded))]
     chosen[~passed.any(axis=0)] = np.nan

@@ -8,7 +8,7 @@ its seat.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -20,9 +20,14 @@ from ballbar.cell.poses import PoseGroup, PoseTable
 from ballbar.cell.statistics import rms
 from ballbar.ident.performance import iso_230_4 as circular
 from ballbar.ident.performance import iso_9283 as iso
-from ballbar.ident.performance.characteristics import Characteristic, Statement, not_stated
+from ballbar.ident.performance.characteristics import (
+    CIRCULAR,
+    Characteristic,
+    Statement,
+    not_stated,
+)
 from ballbar.ident.performance.cube import TestCube
-from ballbar.ident.performance.predicted import RobotPair
+from ballbar.ident.performance.predicted import NORMAL, RobotPair
 from ballbar.ident.performance.repeated_poses import (
     LEAST_CYCLES,
     NOT_CORRECTED,
@@ -39,6 +44,8 @@ BEYOND = 0.03  # of a lap, before and behind it, in which planes may be passed a
 LAG, LAG_STEP, LAG_ROWS = 5.0, 0.1, 1000  # [s], [s] and rows of the search for a clock
 HARMONICS = 4  # of the angle, of lengths about a circle
 CIRCLE_ROWS = 36  # from which a commanded path may be a circle
+HARMONICS_OF_PATH = 30  # of the angle, that noise is taken off by
+DRAWS, SEED = 50, 230  # of the noise, the same for everyone
 ROUND = 0.01  # of its radius by which a commanded circle may be off
 
 Circle = tuple[str, circular.CircularTest]
@@ -98,31 +105,47 @@ def laps_of(time: Array, q: Array) -> tuple[Array, float]:
 
 
 def path_rows(group: PoseGroup, seen: Sequence[Attained]) -> Iterator[Characteristic]:
-    """AT and RT of a path that was passed several times while an instrument followed."""
+    """AT and RT of a path that was passed several times while an instrument followed.
+
+    seen : by the nominal and the identified robot.
+    """
     assert group.time is not None  # an instrument that follows has a clock
     starts, length = laps_of(group.time, group.q)
     if starts.size < LEAST_CYCLES:
         return
     laps = [_laps(group.time, each, starts, length) for each in seen]
-    accuracy = [Statement("measured", iso.path_accuracy(*each)) for each in laps]
-    value, remark = iso.path_repeatability(laps[1][0]), noise_remark(group)
-    spread = Statement("measured", value, reason=remark)
-    yield Characteristic("AT_p", "path", (*accuracy, NOT_CORRECTED), starts.size)
-    yield Characteristic("RT_p", "path", (spread,) * 3, starts.size)
+    accuracy = {"AT_p": [iso.path_accuracy(attained[..., :3], way) for attained, way in laps]}
+    spread = {"RT_p": iso.path_repeatability(laps[1][0][..., :3])}
+    if (turns := laps[1][0][..., 3:]).size:
+        own = [
+            iso.orientation_path_accuracy(attained[..., 3:], 0.0 * way) for attained, way in laps
+        ]
+        accuracy |= {f"AT_{c}": v for c, *v in zip("abc", *own, strict=True)}
+        spread |= zip(
+            ("RT_a", "RT_b", "RT_c"), iso.orientation_path_repeatability(turns), strict=True
+        )
+    for symbol, values in accuracy.items():
+        stated = tuple(Statement("measured", float(value)) for value in values)
+        yield Characteristic(symbol, "path", (*stated, NOT_CORRECTED), starts.size)
+    for symbol, value in spread.items():
+        same = Statement("measured", float(value), reason=noise_remark(group) * (symbol == "RT_p"))
+        yield Characteristic(symbol, "path", (same,) * 3, starts.size)
 
 
 def _laps(time: Array, seen: Attained, starts: Array, length: float) -> tuple[Array, Array]:
-    """Attained paths (n, m, 3) [m] in the normal planes of the commanded points (m, 3) [m].
+    """Attained paths (n, m, 3) [m] in the normal planes of the commanded points (m, 3) [m], with
+    turns [rad] from the commanded orientation (n, m, 6) where they were seen.
 
     Points whose plane some lap does not pass, such as at its ends, are left out.
     """
     instants = starts[0] + length * np.linspace(0.0, 1.0, POINTS, endpoint=False)
     commanded = np.column_stack([np.interp(instants, time, column) for column in seen.commanded.T])
+    points = seen.points if seen.turns is None else np.hstack((seen.points, seen.turns))
     paths = []
     for start in starts:
         first, last = start - BEYOND * length, start + (1.0 + BEYOND) * length
         rows = (time >= first) & (time <= last)
-        paths.append(iso.in_normal_planes(seen.points[rows], commanded))
+        paths.append(iso.in_normal_planes(points[rows], commanded))
     passed = np.isfinite(paths).all(axis=(0, 2))
     return np.stack(paths)[:, passed], commanded[passed]
 
@@ -220,18 +243,35 @@ def _commanded_circle(points: Array) -> tuple[Array, Array, float] | None:
 
 def circle_rows(place: str, circle: MeasuredCircle) -> Iterator[Characteristic]:
     """G, F and roundness of a circle."""
-    count = circle.test.angle.size
-    # about the expected range of so many normal values
-    width = 2.0 * circle.noise * float(np.sqrt(2.0 * np.log(count))) * 1e3
-    remark = f"about {width:.2g} mm would follow from the instrument's stated noise alone"
-    values, rest = _circular(circle.test), None if circle.left is None else _circular(circle.left)
-    own = not_stated("a length alone does not place the bar on the identified robot")
+    own = dict.fromkeys(CIRCULAR, not_stated("a length alone does not place the bar on the robot"))
+    if circle.left is not None:
+        own = _circle_statements(circle.left, circle.noise, "what the identified robot leaves")
+    for symbol, measured in _circle_statements(circle.test, circle.noise).items():
+        yield Characteristic(symbol, place, (measured, own[symbol], NOT_CORRECTED), circle.laps)
+
+
+def _circle_statements(
+    test: circular.CircularTest, noise: float, remark: str = ""
+) -> dict[str, Statement]:
+    """Each characteristic that was measured, with its 95 % interval by draws of the noise [m].
+
+    Noise widens ranges of radii: the interval reaches as far below a range as draws about the
+    smoothed path exceed that of the path itself, on the average, and what they vary by.
+    """
+    values = {symbol: v for symbol, v in _circular(test).items() if v is not None}
+    if not noise:
+        return {symbol: Statement("measured", v, reason=remark) for symbol, v in values.items()}
+    smooth, rng, out = circular.smoothed(test, HARMONICS_OF_PATH), np.random.default_rng(SEED), {}
+    noises = noise * rng.standard_normal((DRAWS, test.angle.size))
+    draws = [_circular(replace(test, deviation=smooth + each)) for each in noises]
+    exact = _circular(replace(test, deviation=smooth))
     for symbol, value in values.items():
-        measured = Statement("measured", value, reason=remark if width > 0.0 else "")
-        if rest is not None:
-            own = Statement("measured", rest[symbol], reason="what the identified robot leaves")
-        if value is not None:
-            yield Characteristic(symbol, place, (measured, own, NOT_CORRECTED), circle.laps)
+        off = np.array([draw[symbol] for draw in draws], dtype=float) - (exact[symbol] or 0.0)
+        bias, width = float(off.mean()), NORMAL * float(off.std(ddof=1))
+        ends = value - max(bias, 0.0) - width, value - min(bias, 0.0) + width
+        noted = f"noise of the instrument, as stated, adds about {bias * 1e3:.2g} mm"
+        out[symbol] = Statement("measured", value, *ends, "; ".join(filter(None, (remark, noted))))
+    return out
 
 
 def _circular(test: circular.CircularTest) -> dict[str, float | None]:

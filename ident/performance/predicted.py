@@ -31,9 +31,12 @@ from ballbar.ident.robot.identified_kinematics import IdentifiedKinematics
 from ballbar.ident.robot.inverse_calibration import FULL
 
 POINTS = 21  # of the straight path from P2 to P4
+JUMP = 0.5  # [rad] between neighbours of them where another configuration is taken
 NORMAL = 1.959964  # standard deviations of a normal value that hold 95 %
 OUTSIDE = "outside the range of axes that was fitted, where nothing is known"
 EXTRAPOLATED = "outside the range of axes that was fitted: by the model alone"
+SAME = 1e-9  # of an uncertainty by which it varies where it is one for all poses
+ONE_VALUE = "the result states one mean uncertainty for all poses within the fitted ranges"
 NO_TURNS = "the result states no uncertainty of orientations"
 FEWER = "targets of a robot with fewer than six axes cannot be corrected"
 _SERVO, _HOURS = "how the servo stops is not known: measure repetitions", "with times, over hours"
@@ -144,7 +147,8 @@ def _path(robots: RobotPair, cube: TestCube) -> Characteristic:
     begin, end = cube.poses[[1, 3], :3, 3]
     poses[:, :3, 3] = begin + np.linspace(0.0, 1.0, POINTS)[:, None] * (end - begin)
     solved = robots.nominal.nearest(poses, cube.q[0])
-    if not (solved.reached & solved.within).all():
+    jumps = np.abs(np.diff(solved.q, axis=0)).max() > JUMP
+    if jumps or not (solved.reached & solved.within).all():
         why = not_stated("the robot does not take the straight path from P2 to P4")
         return Characteristic("AT_p", "P2-P4", (why,) * 3)
     along = (end - begin) / np.linalg.norm(end - begin)
@@ -168,7 +172,10 @@ def _workspace(robots: RobotPair) -> Iterator[Characteristic]:
     if known:
         before, own = (Statement("predicted", *v.tolist()) for v in values.mean(axis=0))
         yield Characteristic("AP_p", "workspace, mean", robots.of_all(before, own))
-        yield Characteristic("AP_p", "workspace, largest", _largest(known))
+        before, own, _ = _largest(known)
+        if np.ptp(values[:, 1, 0]) < SAME * values[0, 1, 0]:
+            own = not_stated(ONE_VALUE)
+        yield Characteristic("AP_p", "workspace, largest", robots.of_all(before, own))
 
 
 def _both(shift: Array, covariance: Array) -> tuple[Statement, Statement]:

@@ -30,6 +30,7 @@ from ballbar.ident.performance.predicted import RobotPair, length_moments
 
 ROUNDS = 30  # of Gauss-Newton from a seat by points to seat and target
 SAME = 1e-3  # [rad] of every axis within which two poses are of one command
+AS_FAR = 0.01  # of a distance by which others may be longer
 LEAST_CYCLES = 3  # from which a spread is stated
 LEAST_POSES = 5  # different ones from which an accuracy is stated: those of the test cube
 NOT_CORRECTED = not_stated("measured at targets that were not corrected")
@@ -70,12 +71,9 @@ def attained(
         seen = seat @ matrix_from_rotvec(values[:, 3:].T).transpose(2, 0, 1)
         own = nearest_rotation((identified[:, :3, :3].transpose(0, 2, 1) @ seen).sum(axis=0))
     points = values[:, :3] @ seat.T + origin
-    return (
-        _attained(
-            nominal, target, points @ turn.T + shift, None if seen is None else turn @ seen, own
-        ),
-        _attained(identified, target, points, seen, own),
-    )
+    there = None if seen is None else turn @ seen
+    before = _attained(nominal, target, points @ turn.T + shift, there, own)
+    return before, _attained(identified, target, points, seen, own)
 
 
 def _attained(
@@ -140,7 +138,7 @@ def repeated(
     for place, rows in zip(places, clusters, strict=True):
         yield from _accuracy(seen, place, rows, len(clusters))
         yield from _repeatability(group, seen[1], place, rows)
-        yield from _variation(group, clusters, place, rows)
+        yield from _variation(group, seen[1], clusters, place, rows)
         yield from _drift(group, seen, place, rows)
     if len(clusters) > 1:
         yield from _distance(group, seen, places, clusters)
@@ -181,14 +179,15 @@ def _repeatability(
     sizes = {"RP_l": float(iso.pose_repeatability(group.values[rows, :3]))}
     if seen.turns is not None:
         turns = iso.orientation_repeatability(seen.turns[rows])
-        sizes |= {f"RP_{index}": float(v) for index, v in zip("abc", turns, strict=True)}
+        sizes |= zip(("RP_a", "RP_b", "RP_c"), turns, strict=True)
     for symbol, value in sizes.items():
         remark = noise_remark(group) if symbol == "RP_l" else ""
-        yield Characteristic(symbol, place, (_spread(value, rows.size, remark),) * 3, rows.size)
+        stated = _spread(float(value), rows.size, remark)
+        yield Characteristic(symbol, place, (stated,) * 3, rows.size)
 
 
 def _variation(
-    group: PoseGroup, clusters: Sequence[Rows], place: str, rows: Rows
+    group: PoseGroup, seen: Attained, clusters: Sequence[Rows], place: str, rows: Rows
 ) -> Iterator[Characteristic]:
     """vAP of one pose; the pose before a repetition is the direction that it came from."""
     numbers = np.full(group.size, -1)
@@ -196,12 +195,19 @@ def _variation(
         numbers[own] = k
     before = numbers[np.maximum(rows - 1, 0)]
     ways = [own for k in np.unique(before) if (own := rows[before == k]).size > 1]
-    if len(ways) > 1:
-        means = np.stack([group.values[way, :3].mean(axis=0) for way in ways])
-        remark = "" if len(ways) > 2 else "of two directions; the standard asks for three"
-        value = iso.pose_accuracy_variation(means)
-        stated = Statement("measured", value, reason=remark)
-        yield Characteristic("vAP_p", place, (stated,) * 3, rows.size)
+    if len(ways) < 2:
+        return
+    remark = "" if len(ways) > 2 else "of two directions; the standard asks for three"
+    means = np.stack([group.values[way, :3].mean(axis=0) for way in ways])
+    sizes = {"vAP_p": iso.pose_accuracy_variation(means)}
+    if seen.turns is not None:
+        means = np.stack([seen.turns[way].mean(axis=0) for way in ways])
+        sizes |= zip(
+            ("vAP_a", "vAP_b", "vAP_c"), iso.orientation_accuracy_variation(means), strict=True
+        )
+    for symbol, value in sizes.items():
+        stated = Statement("measured", float(value), reason=remark)
+        yield Characteristic(symbol, place, (stated,) * 3, rows.size)
 
 
 def _drift(
@@ -231,10 +237,10 @@ def _drift(
 def _distance(
     group: PoseGroup, seen: Sequence[Attained], places: Sequence[str], clusters: Sequence[Rows]
 ) -> Iterator[Characteristic]:
-    """AD and RD of the two poses that are farthest apart, cycle by cycle."""
+    """AD and RD of the first two poses that are as far apart as any, cycle by cycle."""
     middle = np.stack([group.values[rows, :3].mean(axis=0) for rows in clusters])
     apart = np.linalg.norm(middle[:, None] - middle, axis=2)
-    pair = sorted(int(k) for k in np.unravel_index(apart.argmax(), apart.shape))
+    pair = np.argwhere(apart > (1.0 - AS_FAR) * apart.max())[0]  # of the test cube P2 and P4
     count = min(clusters[k].size for k in pair)
     rows = [clusters[k][:count] for k in pair]
     first, second = (group.values[own, :3] for own in rows)

@@ -85,5 +85,6 @@ def _root(robot: RobotEstimate, names: Sequence[str]) -> Array:
     factor = np.array([n in known for n in names], dtype=np.float64)
     at = [known.index(n) if n in known else 0 for n in names]
     block = robot.covariance.values[np.ix_(at, at)] * np.outer(factor, factor)
-    values, vectors = np.linalg.eigh(block)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+    scale = np.sqrt(np.maximum(np.diag(block), np.finfo(float).tiny))  # units differ
+    values, vectors = np.linalg.eigh(block / np.outer(scale, scale))
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

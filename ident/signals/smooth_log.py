@@ -188,24 +188,21 @@ def smooth_log(
     while True:
         finest = spacing * 0.5 < _ROWS_PER_KNOT * period
         fit = _fit_rows(t, values, spacing, damaged)
-        if finest or _is_white(np.where(_standing_out(t, fit, smallest), 0.0, fit.residual)):
+        if finest or _is_white(np.where(_standing_out(fit, smallest), 0.0, fit.residual)):
             fit = _trimmed(t, values, spacing, fit, smallest)
             if finest or _is_white(fit.residual):
                 break
         spacing *= 0.5
-    rows = ~fit.out.any(axis=1)
-    remaining = t[rows]
+    remaining = fit.t
     freedom = max(1, remaining.size - fit.coefficients)
     missing = _stretches(t, GAP_PERIODS * period)
     # Where outliers lie, up to a knot interval is bridged.
     bridged = _stretches(remaining, max(GAP_PERIODS * period, spacing))
     outlier_rows, channels = np.nonzero(fit.out)
-    speed = fit.spline.derivative()
-    lost = np.sqrt(remaining.size / freedom)
-    scatter, noise = stamp_noise(fit.residual, np.asarray(speed(remaining)))
+    lost, (scatter, noise) = np.sqrt(remaining.size / freedom), fit.noise
     return SmoothLog(
         spline=fit.spline,
-        speed=speed,
+        speed=fit.spline.derivative(),
         start=float(remaining[0]),
         end=float(remaining[-1]),
         noise=lost * noise,
@@ -229,17 +226,28 @@ def _stretches(t: Array, longest: float) -> Array:
 class _Fit:
     """A spline of the rows without outliers."""
 
+    t: Array  # (remaining rows,) [s]
     spline: BSpline
     residual: Array  # (remaining rows, channels) [rad]
     coefficients: int
     out: NDArray[np.bool_]  # (N, channels) the outliers
 
+    @cached_property
+    def speed(self) -> Array:
+        """(remaining rows, channels) [rad/s]"""
+        return np.asarray(self.spline.derivative()(self.t))
+
+    @cached_property
+    def noise(self) -> tuple[float, Array]:
+        """[s] standard deviation of the stamps, and (channels,) [rad] noise of each channel."""
+        return stamp_noise(self.residual, self.speed)
+
 
 def _fit_rows(t: Array, values: Array, spacing: float, out: NDArray[np.bool_]) -> _Fit:
     rows = ~out.any(axis=1)
-    if rows.all():
-        return _Fit(*_fit(t, values, spacing), out)
-    return _Fit(*_fit(t[rows], values[rows], spacing), out)
+    if not rows.all():
+        t, values = t[rows], values[rows]
+    return _Fit(t, *_fit(t, values, spacing), out)
 
 
 def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit, smallest: float) -> _Fit:
@@ -252,7 +260,7 @@ def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit, smallest: float
     while True:
         rows = ~fit.out.any(axis=1)
         outlier = np.zeros(values.shape, dtype=bool)
-        outlier[rows] = _standing_out(t, fit, smallest)
+        outlier[rows] = _standing_out(fit, smallest)
         outlier &= ~motion
         if not outlier.any():
             return fit
@@ -264,16 +272,15 @@ def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit, smallest: float
             fit = _fit_rows(t, values, spacing, out) if back.any() else trial
 
 
-def _standing_out(t: Array, fit: _Fit, smallest: float) -> NDArray[np.bool_]:
+def _standing_out(fit: _Fit, smallest: float) -> NDArray[np.bool_]:
     """(remaining rows, channels) residuals far out, and no smaller than `smallest` [rad].
 
-    Where the stamps t (N,) [s] scatter, quick rows may be further out.
+    Where the stamps scatter, quick rows may be further out.
     """
-    speed = np.asarray(fit.spline.derivative()(t[~fit.out.any(axis=1)]))
-    scatter, own = stamp_noise(fit.residual, speed)
+    scatter, own = fit.noise
     out = np.empty(fit.residual.shape, dtype=bool)
     for c, left in enumerate(fit.residual.T):
-        usual = np.hypot(own[c], scatter * speed[:, c]) if scatter else np.ones(1)
+        usual = np.hypot(own[c], scatter * fit.speed[:, c]) if scatter else np.ones(1)
         sigma = usual * robust_sigma((left / usual)[:, None])
         out[:, c] = np.abs(left) > np.maximum(STANDING_OUT * sigma, smallest)
     return out

@@ -180,3 +180,27 @@ def test_the_generator_images_as_opencv() -> None:
     matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     pixels = cv2.projectPoints(POINTS, np.zeros(3), np.zeros(3), matrix, np.array(distortion))[0]
     assert np.allclose(brown(POINTS), pixels[:, 0], atol=1e-9)
+
+
+def test_a_warm_board_is_larger_in_the_same_pictures(tmp_path: Path) -> None:
+    """At 35 degC a board of aluminium has grown by 15 * 23e-6, and the target is as much further
+    off. Its scale is less certain by u(T) = 2 K and u(per_K) = 2e-6.
+    """
+    folder = write(draw(3, carried=False), tmp_path)
+    (cold,) = import_poses(folder).table.groups
+    board = folder / "board.yaml"
+    board.write_text(board.read_text() + "expansion: {per_K: 23.0e-6, sigma_per_K: 2.0e-6}\n")
+    poses = folder / "poses.yaml"
+    stated = "temperature_C: 35.0\ntemperature_sigma_K: 2.0\n"
+    poses.write_text(poses.read_text() + stated)
+    read = import_poses(folder)
+    (warm,) = read.table.groups
+    longer = (1.0 + 15.0 * 23e-6) * cold.values[:, :3]  # but for the prior of the board's sag
+    assert warm.values[:, :3] == pytest.approx(longer, rel=1e-6, abs=1e-7)
+    assert warm.common is not None
+    assert cold.common is not None
+    scale = warm.common.names.index("scale_x")
+    before, after = (float(g.common.declared[scale, 1]) for g in (cold, warm))
+    thermal = np.hypot(23e-6 * 2.0, 15.0 * 2e-6)
+    assert after == pytest.approx(np.hypot(before, thermal), rel=1e-6)
+    assert read.expansion is not None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scipy.interpolate import CubicSpline
 
 from ballbar.cell.descriptions import Cell
@@ -114,6 +115,23 @@ def test_what_cannot_be_done_is_refused(result: Path, tmp_path: Path) -> None:
     assert "A result is tried on measurements of the same robot" in refusal(
         "performance", result, other
     )
+
+
+def test_without_a_cube_the_workspace_is_stated_and_why(result: Path, tmp_path: Path) -> None:
+    """The ranges of the result narrowed to 2 deg about postures within them."""
+    content = yaml.safe_load(result.read_text())
+    middles = np.deg2rad([0.0, -60.0, 80.0, -90.0, -80.0, 10.0])
+    content["ranges"] = [{"lower_rad": m - 0.02, "upper_rad": m + 0.02} for m in middles.tolist()]
+    narrow = tmp_path / "calibration.yaml"
+    narrow.write_text(yaml.safe_dump(content, sort_keys=False))
+    text = output("performance", narrow)
+    assert "No test cube of 250 to 1000 mm lies within the fitted ranges" in text
+    lines = [line for line in text.splitlines() if line.startswith("AP_p")]
+    assert [line[7:25] for line in lines] == ["workspace, mean   ", "workspace, largest"]
+    assert [line.count(" mm p") for line in lines] == [3, 1]
+    assert "the result states one mean uncertainty for all poses" in text
+    asked = output("performance", narrow, "--cube", 250)
+    assert "outside the range of axes that was fitted, where nothing is known" in asked
 
 
 def test_measurements_without_repetition_are_said_to_show_nothing(

@@ -16,6 +16,7 @@ from ballbar.ident.complete_fit import FIRST_EXCESS, fit_pose, posed
 from ballbar.ident.corrections.gear_ripple import harmonic_orders
 from ballbar.ident.corrections.joint_compliance import joint_compliance
 from ballbar.ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics
+from ballbar.ident.estimator.normal_equations import whole_jacobian
 from ballbar.ident.identify import identify_together
 from ballbar.ident.joint_errors import candidate_orders, linearised, may_have_joint_errors
 from ballbar.ident.options import FitOptions, Listener
@@ -141,8 +142,17 @@ def test_candidates_are_columns_of_the_fit_and_blocks_are_numbered_over_all_reco
     assert model.residual.shape[1] == model.groups.size == model.regions.size == samples
     assert np.unique(np.diff(model.groups)).tolist() == [0, 1]
     # the gradient of the whole cost, the knots of the tension included, vanishes at the estimate
-    gradient = np.einsum("pen,en->p", model.jacobian, model.residual) + model.prior_gradient
+    gradient = model.products(model.residual[None])[:, 0] + model.prior_gradient
     assert gradient == pytest.approx(fit.linear.gradient, abs=1e-6 * np.abs(gradient).max() + 1e-3)
+    every = [
+        whole_jacobian(fit.model, fit.x, k, point, weights)
+        for k, (point, weights, _) in enumerate(fit.recorded)
+    ]
+    columns = np.concatenate(every, axis=2)
+    assert model.columns == pytest.approx(columns, rel=1e-12)
+    flat = columns.reshape(fit.x.size, -1)
+    scale = np.sqrt(np.outer(*[(flat**2).sum(axis=1)] * 2))
+    assert (np.abs(model.gram() - flat @ flat.T) <= 1e-12 * scale).all()
     assert np.diag(model.prior_normal) == pytest.approx(fit.model.unknowns.sigma**-2.0)
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from ballbar.cell.arrays import Array
 from ballbar.ident.corrections.joint_harmonics import PRIOR
+from ballbar.ident.estimator.linear_model import LinearModel
 from ballbar.ident.estimator.order_search import (
     SLOPE,
-    LinearModel,
     left_out,
     of_few,
     peak_orders,

@@ -37,13 +37,13 @@ def test_blocks_add_up_to_the_fit(elastic: Fit) -> None:
     slope = weight * (elastic.x - elastic.model.unknowns.mean)
     linear = elastic.linear
     scale = np.sqrt(np.outer(np.diag(linear.normal), np.diag(linear.normal)))
-    assert np.abs(blocks.normal.sum(axis=0) + np.diag(weight) - linear.normal).max() < 1e-9 * (
+    assert np.abs(blocks.whole.normal + np.diag(weight) - linear.normal).max() < 1e-9 * (
         scale.max()
     )
-    assert blocks.gradient.sum(axis=0) + slope == pytest.approx(
+    assert blocks.whole.gradient + slope == pytest.approx(
         linear.gradient, abs=1e-6 * np.sqrt(scale.max())
     )
-    assert blocks.cost.sum() == pytest.approx(linear.data_cost)
+    assert blocks.whole.cost == pytest.approx(linear.data_cost)
     assert (np.diff(blocks.recording) >= 0).all()
     assert (np.bincount(blocks.recording) == 10).all()  # of 60 s
 
@@ -67,7 +67,7 @@ def _refitted(fit: Fit, absent: np.ndarray) -> float:
     """The same by dense least squares, sample by sample."""
     model, layout = linearised(fit), fit.model.unknowns
     count = layout.count
-    jacobian, residual = model.jacobian, model.residual
+    jacobian, residual = model.columns, model.residual
     knots = np.concatenate([np.r_[own.knots] for own in layout.own if own.knots is not None])
     number = np.concatenate([_fold(r.times) for r in fit.model.recordings])
     total = 0.0

@@ -10,7 +10,8 @@ import pytest
 from ballbar.cell.arrays import Array
 from ballbar.cell.statistics import rms
 from ballbar.ident.estimator.fit import Fit
-from ballbar.ident.estimator.order_search import ORDERS, LinearModel
+from ballbar.ident.estimator.linear_model import LinearModel
+from ballbar.ident.estimator.order_search import ORDERS
 from ballbar.ident.estimator.uncertainty import uncertainty
 from ballbar.ident.estimator.unlisted_ripple import amplitude_variance, unlisted_ripple
 from ballbar.ident.joint_errors import linearised
@@ -35,7 +36,7 @@ def with_ripple(fit: Fit, size: float) -> tuple[Fit, LinearModel, Array, Array]:
     allow; the whitened columns of the ripple; and the error (P,) of the estimate.
     """
     rng, model = np.random.default_rng(1), linearised(fit)
-    columns, flat = waves(model), model.jacobian.reshape(len(model.jacobian), -1)
+    columns, flat = waves(model), model.columns.reshape(len(model.columns), -1)
     off = fit.model.unknowns.sigma * rng.standard_normal(len(flat))
     amplitudes = size * rng.standard_normal(len(columns))
     residual = rng.standard_normal(model.residual.size) + amplitudes @ columns + off @ flat
@@ -49,7 +50,7 @@ def with_ripple(fit: Fit, size: float) -> tuple[Fit, LinearModel, Array, Array]:
 def test_the_shifts_are_those_of_the_posterior_of_all_amplitudes(machine_fit: Fit) -> None:
     fit, model, columns, _ = with_ripple(machine_fit, SIZE)
     ripple = unlisted_ripple(fit)
-    flat = model.jacobian.reshape(len(model.jacobian), -1)
+    flat = model.columns.reshape(len(model.columns), -1)
     mixed = flat @ columns.T
     information = columns @ columns.T - mixed.T @ fit.covariance @ mixed
     score = columns @ model.residual.ravel()

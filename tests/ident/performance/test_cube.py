@@ -55,19 +55,40 @@ def test_the_largest_standard_cube_that_fits_is_taken(name: str) -> None:
 
 
 def test_a_cube_within_the_fitted_ranges_is_preferred() -> None:
-    """Ranges about the poses of a smaller cube make it the one where something is stated."""
+    """Ranges that hold a smaller cube with 10 deg to spare make it the one where something is
+    stated, whose poses the largest one leaves.
+    """
     nominal, identified = nominal_robot("ur5")
     largest = fitting_cube(nominal, identified)
     small = fitting_cube(nominal, identified, 0.25)
     assert largest is not None
     assert small is not None
-    ranges = np.stack((small.q.min(axis=0), small.q.max(axis=0)), axis=1)
+    spare = np.deg2rad(10.0)
+    ranges = np.stack((small.q.min(axis=0) - spare, small.q.max(axis=0) + spare), axis=1)
     fitted = IdentifiedRobot(identified.robot, identified.geometry, ranges=ranges)
     chosen = fitting_cube(nominal, fitted)
     assert chosen is not None
-    assert chosen.side == 0.25 < largest.side
+    assert 0.25 <= chosen.side < largest.side
     assert fitted.covered(chosen.q).all()
 
 
 def test_no_cube_of_five_metres_fits() -> None:
     assert fitting_cube(*nominal_robot("irb2400"), 5.0) is None
+
+
+def test_where_no_cube_fits_the_ranges_one_that_is_asked_for_may_leave_them() -> None:
+    nominal, identified = nominal_robot("ur5")
+    middle = np.array([0.0, -1.2, 1.5, -1.6, -1.5, 0.3])
+    ranges = np.stack((middle - 0.03, middle + 0.03), axis=1)
+    fitted = IdentifiedRobot(identified.robot, identified.geometry, ranges=ranges)
+    assert fitting_cube(nominal, fitted) is None
+    outside = fitting_cube(nominal, fitted, 0.25)
+    assert outside is not None
+    assert not fitted.covered(outside.q).all()
+    tiny = fitting_cube(nominal, fitted, 0.01)
+    assert tiny is not None
+    assert fitted.covered(tiny.q).all()
+
+
+def test_five_axes_keep_no_orientation() -> None:
+    assert fitting_cube(*nominal_robot("so101")) is None

@@ -72,13 +72,6 @@ def test_distance_accuracy_is_positive_where_the_robot_moves_too_far() -> None:
     assert iso.distance_accuracy(SECOND, FIRST, 2.0 * commanded) == EXACT(-6.0, abs=1e-9)
 
 
-def test_distance_accuracies_of_coordinates_are_of_their_sizes() -> None:
-    """Along x 3, 6, 0: mean 3, commanded 2; along y 4, 8, 9: mean 7, commanded 3; z: 0 and 6."""
-    commanded = np.array([[1.0, 1.0, 1.0], [3.0, 4.0, 7.0]])
-    accuracies = iso.component_distance_accuracy(FIRST, SECOND, commanded)
-    assert accuracies == EXACT(np.array([1.0, 4.0, -6.0]), abs=1e-9)
-
-
 def test_distance_repeatability_is_three_deviations_of_the_distances() -> None:
     """Distances 5, 10, 9 about 8: squares 9 + 4 + 1 = 14, S = sqrt(7) = 2.645751311064591."""
     assert iso.distance_repeatability(FIRST, SECOND) == EXACT(7.937253933193772, abs=1e-9)
