@@ -260,11 +260,15 @@ class Calibration(Views):
     def _spread_of_poses(self) -> float:
         """[m] standard deviation of a pose's position along each axis.
 
-        It is that of cross-validation, of poses in regions that others lie about, and at least the
-        stated uncertainty of the target over the whole of the fitted ranges.
+        It is that of cross-validation alone, which the covariance of the parameters is part of;
+        where nothing but lengths were measured, it is at least the stated uncertainty of the
+        target, for cross-validation judges the direction of the rods alone.
         """
         spread = self._validation.mean_m / np.sqrt(8.0 / np.pi)  # of a normal error, 3 axes
-        return float(max(self._validation.sigma_m, spread, self.tcp_sigma / np.sqrt(3.0)))
+        if all(group.measured == "length" for group in self.file.groups):
+            stated = self.file.fit.tcp_sigma_at_poses_m or self.tcp_sigma
+            spread = stated / np.sqrt(3.0)
+        return float(max(self._validation.sigma_m, spread))
 
     def kinematics(
         self,

@@ -6,7 +6,7 @@ predicts.
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from os import PathLike
 
 import numpy as np
@@ -24,6 +24,7 @@ from ballbar.ident.performance.measured import Circle, lengths_beside, measure
 from ballbar.ident.performance.predicted import RobotPair, predict
 from ballbar.ident.robot.identified_kinematics import kinematics
 from ballbar.ident.robot.inverse_calibration import FULL
+from ballbar.ident.robot.pose_covariance import PoseCovariance
 from ballbar.recordings.read import Thing, measured
 from ballbar.result.calibration import Calibration, load
 from ballbar.result.verification import check_same
@@ -92,10 +93,15 @@ def performance(
 def robots_of(calibration: Calibration) -> RobotPair:
     """The identified robot of a result beside its nominal one, with the tool of both the same.
 
-    What is stated of still poses is what the file holds, so that all documents state the same.
+    What is stated of still poses is what the file holds, so that all documents state the same: the
+    error of cross-validation, of poses in regions that others lie about, and over the whole of the
+    fitted ranges at least the stated uncertainty of the target.
     """
     own = calibration.identified_robot if calibration.of_logs else calibration.robot_of_poses
     robot, chain = own(), calibration.nominal_chain
+    if isinstance(stated := robot.stated, PoseCovariance):
+        least = max(stated.discrepancy, calibration.tcp_sigma / np.sqrt(3.0))
+        robot = replace(robot, stated=replace(stated, discrepancy=float(least)))
     geometry = geometry_of_chain(parameter_table(robot.robot), chain)
     return RobotPair(kinematics(robot.rigid(geometry), chain), kinematics(robot, chain))
 
