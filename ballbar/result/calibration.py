@@ -260,14 +260,12 @@ class Calibration(Views):
     def _spread_of_poses(self) -> float:
         """[m] standard deviation of a pose's position along each axis.
 
-        It is that of cross-validation alone, which the covariance of the parameters is part of;
-        where nothing but lengths were measured, it is at least the stated uncertainty of the
-        target, for cross-validation judges the direction of the rods alone.
+        It is that of cross-validation, which contains what the parameters are known to; of lengths
+        alone, which judge the direction of the rods, at least the stated uncertainty of the target.
         """
         spread = self._validation.mean_m / np.sqrt(8.0 / np.pi)  # of a normal error, 3 axes
         if all(group.measured == "length" for group in self.file.groups):
-            stated = self.file.fit.tcp_sigma_at_poses_m or self.tcp_sigma
-            spread = stated / np.sqrt(3.0)
+            spread = (self.file.fit.tcp_sigma_at_poses_m or self.tcp_sigma) / np.sqrt(3.0)
         return float(max(self._validation.sigma_m, spread))
 
     def kinematics(
