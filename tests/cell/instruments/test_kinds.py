@@ -78,6 +78,13 @@ def test_the_seat_follows_from_known_points(kind: Kind) -> None:
         shares = RNG.uniform(size=len(POINTS))
         near = RNG.uniform(-0.3, 0.3, rod.T.shape)
         rod = kind.brought(near, shares, instrument.lower, instrument.upper).T
+        reached = instrument.lower + shares * (instrument.upper - instrument.lower)
+        assert np.allclose(
+            kind.measure(
+                TrueStand(rod, np.linalg.norm(rod, axis=0), spread.rotation), NO_NOISE, instrument
+            )[:, 0],
+            reached,
+        )
     stood = TrueStand(rod, np.linalg.norm(rod, axis=0), spread.rotation)
     points = (SEAT.rotation @ rod).T + SEAT.origin
     values = kind.measure(stood, NO_NOISE, instrument)
