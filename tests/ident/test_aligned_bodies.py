@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from ballbar.cell.errors import LogError
 from ballbar.cell.logs import ChannelLog
 from ballbar.ident.channel_groups import groups_by_name
-from ballbar.ident.estimator.channel_map import ChannelMap, Trace, linearised
+from ballbar.ident.estimator.channel_map import ChannelMap, Trace, first_map, linearised
 from ballbar.ident.log_alignment import AlignmentError, align_logs
 from tests.helpers.moving_body import KINDS, POINT, RATE, TURN, two_recorders, wandering
 
@@ -152,3 +152,15 @@ def test_columns_of_the_map_are_its_central_differences(turns_a: int, turns_b: i
     for k, step in enumerate(1e-6 * np.eye(columns.shape[2])):
         up, down = (linearised(at.moved(s), a, b).residual for s in (step, -step))
         np.testing.assert_allclose(columns[:, :, k], (up - down) / 2e-6, atol=1e-8)
+
+
+def test_the_first_map_of_points_alone_has_their_rotation_gain_and_shift() -> None:
+    rng = np.random.default_rng(8)
+    turn, zero, points = Rotation.from_rotvec([0.4, -2.0, 1.1]), np.array([1.0, 2.0, -3.0]), 20
+    b = Trace(rng.normal(size=(points, 3)), np.zeros((points, 3)), None, np.zeros((points, 3)))
+    found = first_map(replace(b, point=1.3 * turn.apply(b.point) + zero), b)
+    assert found.turn is not None
+    assert (found.turn.inv() * turn).magnitude() < 1e-12
+    assert found.gain == pytest.approx(1.3)
+    assert found.zero == pytest.approx(zero)
+    assert found.lever is None
