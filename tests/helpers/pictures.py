@@ -199,9 +199,14 @@ def _stands(rng: np.random.Generator, middle: Array, *, carried: bool) -> tuple[
 
 
 def write(
-    drawn: Drawn, folder: Path, *, square: float | None = None, instrument: str = "webcam_720p"
+    drawn: Drawn,
+    folder: Path,
+    *,
+    square: float | None = None,
+    sigma: float = 2e-5,
+    instrument: str = "webcam_720p",
 ) -> Path:
-    """The files of the pictures, as a user has them; square : [m] that the board's file states."""
+    """The files of the pictures, as a user has them; square, sigma : [m] of the board's file."""
     folder.mkdir(parents=True, exist_ok=True)
     names = [f"image_{n:03d}.png" for n in range(len(drawn.q))]
     axes = [f"J{j}" for j in range(1, 7)]
@@ -219,7 +224,7 @@ def write(
     stated = square or drawn.board[1, 0] - drawn.board[0, 0]
     (folder / "board.yaml").write_text(
         f"schema: ballbar-board/1\nkind: checkerboard\nsquares_x: {COLUMNS}\nsquares_y: {ROWS}\n"
-        f"square_m: {stated:.6f}\nsigma_m: 2.0e-5\n"
+        f"square_m: {stated:.6f}\nsigma_m: {sigma:.1e}\n"
     )
     seat, target, place = (
         ("board", "camera", "flange") if drawn.carried else ("camera", "board", "cell")
