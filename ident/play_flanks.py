@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from ballbar.cell.arrays import Array
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.robust_fit import fit_robustly
-from ballbar.ident.loads.at_rest import OPEN
-from ballbar.ident.loads.gear_loads import own_weight
+from ballbar.ident.loads.at_rest import are_undecided
 
 SEEN = 4.0  # standard deviations from which play is seen
 CLEAR = 4.0  # difference of a pose's chi-square from which its gear lies on the other flank
@@ -56,9 +55,8 @@ def _open(fit: Fit, part: int) -> NDArray[np.bool_]:
     model = fit.model
     assert model.masses is not None
     assert model.masses.friction is not None
-    q = model.poses.groups[part].q
-    load = own_weight(model.masses, model.unknowns.bare(fit.x), q)
-    return np.asarray(np.abs(load.gear) < OPEN * model.masses.friction[:, None])
+    q, geometry = model.poses.groups[part].q, model.unknowns.bare(fit.x)
+    return are_undecided(model.masses, model.masses.friction, geometry, q)
 
 
 def _unseen(fit: Fit, first: slice) -> NDArray[np.bool_]:

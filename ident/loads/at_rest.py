@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell, Robot
@@ -53,8 +54,15 @@ def undecided_flanks(
     masses, geometry, robot = _loaded(description, geometry, corrections)
     if masses is None or masses.friction is None:
         return np.zeros((robot.joints, len(q)))
+    return are_undecided(masses, masses.friction, geometry, q).astype(float)
+
+
+def are_undecided(
+    masses: MassModel, friction: Array, geometry: Geometry, q: Array
+) -> NDArray[np.bool_]:
+    """(J, N) whether friction (J,) [N m] may hold a gear on either flank; q (N, J) [rad]."""
     load = own_weight(masses, geometry, q).gear
-    return np.asarray(np.abs(load) < OPEN * masses.friction[:, None], dtype=float)
+    return np.asarray(np.abs(load) < OPEN * friction[:, None])
 
 
 def regressors_at_rest(
