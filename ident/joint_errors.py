@@ -5,12 +5,14 @@ Both are found by evidence, and stand against each other.
 The complete fit is linearised at its estimate and searched as still poses are
 (ballbar.ident.estimator.order_search). Neighbouring samples are autocorrelated: the scores of a
 block of time count once. Each search is followed by the complete fit with all orders so far: only
-what it has explained lets the noise levels fall and smaller errors show.
+what it has explained lets the noise levels fall and smaller errors show. In the end all are revised
+together (ballbar.ident.estimator.order_revision).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +32,9 @@ from ballbar.ident.corrections.joint_harmonics import (
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.linear_model import LinearModel, SplineColumns
 from ballbar.ident.estimator.normal_equations import jacobian
+from ballbar.ident.estimator.order_revision import RevisedOrder, revised_orders
 from ballbar.ident.estimator.order_search import (
+    ORDERS,
     SLOPE,
     JointOrder,
     OrderSearch,
@@ -41,6 +45,7 @@ from ballbar.ident.estimator.order_search import (
 from ballbar.ident.estimator.regions import joint_regions
 from ballbar.ident.estimator.robust_fit import stacked
 from ballbar.ident.estimator.time_blocks import NONE, block_numbers
+from ballbar.ident.model_choice import coefficients_of, variance_factor
 from ballbar.ident.options import Listener
 from ballbar.ident.result import Identification
 from ballbar.ident.verdict import Status
@@ -52,6 +57,7 @@ SEARCHED = 4000  # samples, evenly taken, that a search needs at most
 THRESHOLD = 12.0
 MOTOR_TURNS = (1.0, 2.0)  # cycles a turn of the motor that are candidates too
 SAME_ORDER = 1e-3  # [cycles a turn]
+HIGHEST_REVISED = 2 * ORDERS  # order that may stand in the place of a found one: odd harmonics too
 
 
 def may_have_joint_errors(result: Identification) -> bool:
@@ -86,7 +92,56 @@ def fit_joint_errors(
         if wrong := [o.joint for o in orders if o.order == SLOPE]:
             extras.append(gear_ratio(cell, (), sorted(wrong)))
         fit = refit(fit, extras, listener)
-    return fit, tuple(o for o in orders if o.order != SLOPE)
+    return _revised(cell, fit, [o for o in orders if o.order != SLOPE], listener)
+
+
+def _revised(
+    cell: Cell, fit: Fit, orders: Sequence[JointOrder], listener: Listener
+) -> tuple[Fit, tuple[JointOrder, ...]]:
+    """The fit with the joint errors as they stand beside each other, and with those orders that may
+    be theirs as well.
+    """
+    if not orders:
+        return fit, ()
+    found = [(o.joint, o.order) for o in orders]
+    own = next(c for c in fit.model.corrections if c.name == JOINT_HARMONICS)
+    places = np.r_[coefficients_of(fit, own)]
+    revised = revised_orders(
+        linearised(fit),
+        places,
+        fit.x[places],
+        [*found, *_rivals(cell.robot, found)],
+        found=len(found),
+        prior=PRIOR,
+        widening=variance_factor(fit),
+    )
+    pairs = list(dict.fromkeys(pair for each in revised for pair in each.sizes))
+    if pairs != found:
+        listener.progress(f"fitting again with {len(revised)} revised joint errors")
+        fit = refit(fit, [joint_harmonics(pairs, _deviations(revised))], listener)
+    first = [(orders[r.found], [order for _, order in r.sizes]) for r in revised]
+    return fit, tuple(replace(o, order=n[0], aliases=tuple(sorted(n[1:]))) for o, n in first)
+
+
+def _rivals(robot: Robot, found: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
+    """Orders of the same joints that may stand in the places of found ones."""
+    known = [*found, *((gear, order) for gear, order, _ in harmonic_orders(robot))]
+    return [
+        (joint, float(order))
+        for joint in sorted({joint for joint, _ in found})
+        for order in range(1, HIGHEST_REVISED + 1)
+        if not any(joint == j and abs(order - o) < SAME_ORDER for j, o in known)
+    ]
+
+
+def _deviations(revised: Sequence[RevisedOrder]) -> dict[tuple[int, float], float]:
+    """[rad] standard deviations of the amplitudes of orders that share errors: sine and cosine have
+    half of the variance each.
+    """
+    squares: dict[tuple[int, float], float] = {}
+    for pair, size in (item for r in revised if len(r.sizes) > 1 for item in r.sizes.items()):
+        squares[pair] = squares.get(pair, 0.0) + 0.5 * size**2
+    return {pair: float(np.sqrt(square)) for pair, square in squares.items()}
 
 
 def search_joint_errors(fit: Fit, cell: Cell) -> OrderSearch:

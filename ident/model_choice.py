@@ -80,7 +80,7 @@ def unsupported(result: Fit) -> set[str]:
     no support of it, nor of what is typical of robots and no file describes. Beside something
     systematic that no term has, nothing is seen to be absent: left out, it would be 0 for sure.
     """
-    widening, out = _widening(result), set()
+    widening, out = variance_factor(result), set()
     negative = negative_coefficients(result, np.sqrt(widening * np.diag(result.covariance)))
     for correction in present(result):
         if mean_autocorrelation(result) > AUTOCORRELATED and correction.name not in ON_EVIDENCE:
@@ -96,7 +96,7 @@ def unsupported(result: Fit) -> set[str]:
     return out
 
 
-def _widening(result: Fit) -> float:
+def variance_factor(result: Fit) -> float:
     """Factor on variances of white noise, for the residual's size and its correlation in time."""
     correlation = min(0.9, max(0.0, mean_autocorrelation(result)))
     return result.chi2_per_dof * (1.0 + correlation) / (1.0 - correlation)
@@ -115,7 +115,7 @@ def candidates_left_out(result: Fit, idle: Collection[str]) -> tuple[LeftOut, ..
     ]
     if not gone:
         return result.left_out
-    places, widening = np.concatenate(gone), _widening(result)
+    places, widening = np.concatenate(gone), variance_factor(result)
     part = left_out(layout.names, result.x, result.covariance, places, widening)
     return (*result.left_out, part)
 

@@ -63,10 +63,21 @@ def effects_beside(fit: Fit) -> list[Effect]:
             shared += np.stack([products(fit.model, k, blocks[k], c) for c in own], axis=1)
         scale = np.sqrt(np.maximum(np.diag(power), np.finfo(float).tiny))
         rest = (power - shared.T @ fit.covariance @ shared) / np.outer(scale, scale)
-        size = -np.linalg.pinv(rest, rcond=_DEPENDENT, hermitian=True) @ (score / scale)
+        size = least_sizes(rest, score / scale)
         left = 1.0 + float(size @ (score / scale)) / cost
         out.append(Effect(words(size / scale), remedy, left))
     return sorted(out, key=lambda effect: effect.left)
+
+
+def least_sizes(information: Array, score: Array) -> Array:
+    """(K,) sizes that lower the cost most, 0 in directions that other unknowns can stand for.
+
+    information : (K, K) W of columns of unit power. score : (K,) h. What is left of a column that
+    is another unknown's is rounding, and whatever it seems to explain is none.
+    """
+    values, directions = np.linalg.eigh(information)
+    own = directions[:, values > _DEPENDENT]
+    return np.asarray(-own @ ((own.T @ score) / values[values > _DEPENDENT]))
 
 
 def _columns(fit: Fit) -> Iterator[tuple[Words, str, Columns]]:

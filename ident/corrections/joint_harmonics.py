@@ -7,7 +7,7 @@ all that is needed to form the correction again.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -23,15 +23,26 @@ _COEFFICIENT = re.compile(r"joint([1-9]\d*)_(\d+(?:\.\d+)?)_(?:cos|sin)")
 
 
 @remade
-def joint_harmonics(orders: Sequence[tuple[int, float]]) -> Correction:
-    """Cosine and sine amplitudes [rad] of each pair of joint (from 0) and order."""
+def joint_harmonics(
+    orders: Sequence[tuple[int, float]], sizes: Mapping[tuple[int, float], float] | None = None
+) -> Correction:
+    """Cosine and sine amplitudes [rad] of each pair of joint (from 0) and order.
+
+    sizes : [rad] standard deviations of some, where it is known what to expect.
+    """
     terms = [(joint, order, wave) for joint, order in orders for wave in WAVES]
 
     def regressors(state: State) -> list[Array]:
         return [WAVES[wave](order * state.gears[joint]) for joint, order, wave in terms]
 
     coefficients = tuple(
-        Coefficient(f"{harmonic_name(joint, order)}_{wave}", "rad", 0.0, PRIOR, GEAR + joint)
+        Coefficient(
+            f"{harmonic_name(joint, order)}_{wave}",
+            "rad",
+            0.0,
+            (sizes or {}).get((joint, order), PRIOR),
+            GEAR + joint,
+        )
         for joint, order, wave in terms
     )
     return Correction(JOINT_HARMONICS, "errors of the joints", coefficients, regressors)

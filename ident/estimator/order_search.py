@@ -108,7 +108,7 @@ def search_orders(
     candidate; by default `whole_orders`. threshold : as `THRESHOLD`.
     """
     pairs = whole_orders(len(model.joints)) if pairs is None else pairs
-    candidates = _candidates(model, pairs)
+    candidates = wave_columns(model, pairs)
     scores = _Scores(model, candidates, prior)
     limit = 2.0 * np.log(len(candidates)) + threshold
     taken: list[int] = []
@@ -151,7 +151,7 @@ def _spectrum(pairs: Sequence[tuple[int, float]], tests: Array, joints: int) -> 
     return out
 
 
-def _candidates(model: LinearModel, pairs: Sequence[tuple[int, float]]) -> Array:
+def wave_columns(model: LinearModel, pairs: Sequence[tuple[int, float]]) -> Array:
     """(C, 2, E, N) columns of every pair of joint and order."""
     out = np.empty((len(pairs), 2, *model.residual.shape))
     for (joint, order), columns in zip(pairs, out, strict=True):

@@ -127,3 +127,14 @@ def test_a_change_is_worded_with_place_and_remedy() -> None:
     within = Change(1, 63.2, ("seat", ""), np.array([3e-4, 0.0, 4e-4]), 2.0).sentence
     assert within.startswith("from t = 63 s on the machine of recording 2 is another one: base of")
     assert "the ball-bar by 500 um (moved?)" in within
+
+
+def test_a_change_that_explains_little_is_named_as_no_cause() -> None:
+    """Hysteresis of the gears passed for another robot, which explained a third of the residual."""
+    change = Change(1, None, ("robot", ""), np.array([1e-3, 0.0]), 6.8, 0.28)
+    assert change.sentence.startswith(
+        "recording 2 deviates from the rest, and no change of one part explains more than 28 % of "
+        "that: something else is in the data"
+    )
+    assert "recording 2 from t = 32 s on deviates" in replace(change, time=32.4).sentence
+    assert "is not of the same machine" in replace(change, share=0.9).sentence
