@@ -98,37 +98,29 @@ def fit_joint_errors(
 def _revised(
     cell: Cell, fit: Fit, orders: Sequence[JointOrder], listener: Listener
 ) -> tuple[Fit, tuple[JointOrder, ...]]:
-    """The fit with the joint errors as they stand beside each other, and with those orders that may
-    be theirs as well.
+    """The fit with joint errors as they stand beside each other, and with orders that may as well
+    be theirs.
     """
     if not orders:
         return fit, ()
-    found = [(o.joint, o.order) for o in orders]
+    pairs = [(o.joint, o.order) for o in orders]
     own = next(c for c in fit.model.corrections if c.name == JOINT_HARMONICS)
-    places = np.r_[coefficients_of(fit, own)]
-    revised = revised_orders(
-        linearised(fit),
-        places,
-        fit.x[places],
-        [*found, *_rivals(cell.robot, found)],
-        found=len(found),
-        prior=PRIOR,
-        widening=variance_factor(fit),
-    )
-    pairs = list(dict.fromkeys(pair for each in revised for pair in each.sizes))
-    if pairs != found:
+    at, rivals = np.r_[coefficients_of(fit, own)], _rivals(cell.robot, pairs)
+    revised = revised_orders(linearised(fit), at, fit.x[at], pairs, rivals, variance_factor(fit))
+    every = list(dict.fromkeys(pair for each in revised for pair in each.sizes))
+    if every != pairs:
         listener.progress(f"fitting again with {len(revised)} revised joint errors")
-        fit = refit(fit, [joint_harmonics(pairs, _deviations(revised))], listener)
-    first = [(orders[r.found], [order for _, order in r.sizes]) for r in revised]
+        fit = refit(fit, [joint_harmonics(every, _deviations(revised))], listener)
+    first = [(orders[r.number], [order for _, order in r.sizes]) for r in revised]
     return fit, tuple(replace(o, order=n[0], aliases=tuple(sorted(n[1:]))) for o, n in first)
 
 
-def _rivals(robot: Robot, found: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
-    """Orders of the same joints that may stand in the places of found ones."""
-    known = [*found, *((gear, order) for gear, order, _ in harmonic_orders(robot))]
+def _rivals(robot: Robot, pairs: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
+    """Orders of the same joints that may stand in the places of these."""
+    known = [*pairs, *((gear, order) for gear, order, _ in harmonic_orders(robot))]
     return [
         (joint, float(order))
-        for joint in sorted({joint for joint, _ in found})
+        for joint in sorted({joint for joint, _ in pairs})
         for order in range(1, HIGHEST_REVISED + 1)
         if not any(joint == j and abs(order - o) < SAME_ORDER for j, o in known)
     ]

@@ -2,7 +2,7 @@
 
 What a forward search took first it chose while the others were missing, so each order is replaced
 where another one of its joint explains more beside all that came after it, and left out where it
-explains nothing any more (sequential replacement: Miller 2002, sec. 3.3). On a joint that moves by
+explains nothing any more (sequential replacement: Miller 2002). On a joint that moves by
 a part of a turn several orders explain the recordings equally well and differ everywhere else. All
 of these are unknowns: the variance that is expected of the error is divided among them in
 proportion to their likelihoods (model averaging: Hoeting et al. 1999). The data tell their sum
@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
+from ballbar.ident.corrections.joint_harmonics import PRIOR
 from ballbar.ident.estimator.linear_model import LinearModel
 from ballbar.ident.estimator.order_search import THRESHOLD, wave_columns
 
@@ -41,7 +42,7 @@ Pair = tuple[int, float]  # joint from 0, cycles a turn
 class RevisedOrder:
     """One joint error, and the orders that it may have as well."""
 
-    found: int  # its number in the search
+    number: int  # of the error in the search, from 0
     sizes: dict[Pair, float]  # [rad] amplitude expected of the order, first, and of each other one
 
 
@@ -83,7 +84,7 @@ def _places(chosen: Sequence[int]) -> NDArray[np.intp]:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Sets of candidates, one in the place of each found error: its number to the candidate's."""
+    """Sets of candidates, one in the place of each error: its number to the candidate's."""
 
     gains: _Gains
     joints: NDArray[np.intp]  # (C,) of the candidates
@@ -146,24 +147,21 @@ def revised_orders(
     model: LinearModel,
     own: NDArray[np.intp],
     values: Array,
-    pairs: Sequence[Pair],
-    *,
-    found: int,
-    prior: float,
+    selected: Sequence[Pair],
+    rivals: Sequence[Pair],
     widening: float,
 ) -> list[RevisedOrder]:
-    """The joint errors of a fit, revised.
+    """The joint errors that a search has selected, revised.
 
-    own : (2F,) its unknowns that are their amplitudes, in pairs. values : (2F,) [rad] of them.
-    pairs : the F found ones, then what may stand in their place. prior : [rad] of an amplitude.
-    widening : of variances over those of white noise.
+    own : (2F,) their amplitudes among the unknowns. values : (2F,) [rad] of them. rivals : what may
+    stand in their place. widening : of variances over those of white noise.
     """
-    gains = _gains(model, own, values, wave_columns(model, pairs), prior)
+    pairs = [*selected, *rivals]
+    gains = _gains(model, own, values, wave_columns(model, pairs))
     search = _Search(gains, np.array([joint for joint, _ in pairs]))
-    chosen = search.exchanged(dict(enumerate(range(found))), BETTER * widening)
+    chosen = search.exchanged(dict(enumerate(range(len(selected)))), BETTER * widening)
     enough = 2.0 * np.log(len(pairs)) + THRESHOLD  # as of the search
-    chosen = search.needed(chosen, enough * widening)
-    out = []
+    chosen, out = search.needed(chosen, enough * widening), []
     for (k, first), size in zip(chosen.items(), gains.sizes([*chosen.values()]), strict=True):
         each = size * np.sqrt(search.shares(chosen, k, widening))
         also = [int(m) for m in np.flatnonzero(each > LEAST) if m != first]
@@ -171,9 +169,7 @@ def revised_orders(
     return out
 
 
-def _gains(
-    model: LinearModel, own: NDArray[np.intp], values: Array, waves: Array, prior: float
-) -> _Gains:
+def _gains(model: LinearModel, own: NDArray[np.intp], values: Array, waves: Array) -> _Gains:
     """waves : (C, 2, E, N) columns of the candidates."""
     flat, others = waves.reshape(-1, *model.residual.shape), np.ones(len(model.prior_normal), bool)
     others[own] = False
@@ -186,5 +182,5 @@ def _gains(
     mixed = model.products(flat)[others]
     taken = np.linalg.solve(normal, np.column_stack((mixed, gradient)))
     raw = flat.reshape(len(flat), -1)
-    matrix = raw @ raw.T - mixed.T @ taken[:, :-1] + np.eye(len(raw)) / prior**2
+    matrix = raw @ raw.T - mixed.T @ taken[:, :-1] + np.eye(len(raw)) / PRIOR**2
     return _Gains(matrix, raw @ residual.ravel() - mixed.T @ taken[:, -1])

@@ -40,9 +40,7 @@ def revised(angles: Array, errors: Array, found: Sequence[tuple[int, float]]) ->
     model, own = fitted(angles, errors, found), np.arange(2, 2 + 2 * len(found))
     values = model.prior_gradient[own] * PRIOR**2
     rivals = [pair for pair in RIVALS if pair not in found]
-    return revised_orders(
-        model, own, values, [*found, *rivals], found=len(found), prior=PRIOR, widening=1.0
-    )
+    return revised_orders(model, own, values, found, rivals, 1.0)
 
 
 def test_two_wrong_orders_that_make_up_for_one_are_replaced_by_it() -> None:
@@ -52,7 +50,7 @@ def test_two_wrong_orders_that_make_up_for_one_are_replaced_by_it() -> None:
     errors[1] = 3e-4 * np.sin(9.0 * angles[1] + 0.4) + 1e-4 * np.sin(27.0 * angles[1])
     (low, high, *_) = sorted(revised(angles, errors, [(1, 5), (1, 27), (1, 12)]), key=_order)
     assert (_order(low), _order(high)) == (9, 27)
-    assert [each.found for each in (low, high)] in ([0, 1], [2, 1])
+    assert [each.number for each in (low, high)] in ([0, 1], [2, 1])
 
 
 def test_what_explains_nothing_beside_the_others_goes() -> None:
