@@ -60,7 +60,7 @@ LIBRARIES = (
     *("scipy.spatial", "scipy.stats"),
 )
 OPTIONS = ("-p", "no:cacheprovider", "-p", "no:xdist", "--tb=short")
-OF_CLASSES = "tests/cell/test_frozen.py::"  # looks at every class, and executes nothing of them
+OF_CLASSES = "test_frozen.py::"  # looks at every class of a package, and executes nothing of them
 FAULT = "fault of this command"
 QUICK, TEST, ALL = "not slow and not long", "not long", "long or not long"  # markers of tests
 LIMIT_SECONDS = 15.0  # of tests, by their processor time under coverage
@@ -243,10 +243,11 @@ class Judge:
         tests = set[str]()
         for file, lines in lines_of_use(mutant.file, position):
             tests |= self.executed.tests(file, lines)
-        if not in_function(mutant.file, position):
-            tests |= {name for name in self.executed.contexts if name.startswith(OF_CLASSES)}
-        tests &= self.items.keys()
         package = f"tests/{mutant.file.split('/')[0]}/"
+        of_classes = package + OF_CLASSES
+        if not in_function(mutant.file, position):
+            tests |= {name for name in self.executed.contexts if name.startswith(of_classes)}
+        tests &= self.items.keys()
         if self.chosen == QUICK:
             tests = {test for test in tests if test.startswith(package)}
         module = mutant.file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
@@ -255,7 +256,7 @@ class Judge:
         quick = sorted(
             (test for test in tests if not self.executed.contexts[test].long),
             key=lambda test: (
-                not test.startswith(OF_CLASSES),
+                not test.startswith(of_classes),
                 not test.startswith(package),
                 test.split("::")[0] not in direct,
                 seconds[test],
