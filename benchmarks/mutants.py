@@ -180,13 +180,14 @@ def measured_lines(tree: Path, paths: list[str], chosen: str) -> ExecutedLines:
             (STORE / name).unlink(missing_ok=True)
         known = {"common": common}
     for marker in (TEST, "long") if chosen == ALL else (chosen,):
-        hashes = {str(file.relative_to(ROOT)): _hash([file]) for file in cases}
-        known.setdefault(marker, {})
-        for name, value in hashes.items():
-            if known[marker].get(name) != value:
-                print(f"measuring {name} ({marker})", flush=True)
-                _measured(tree, [name], marker)
-                known[marker][name] = value
+        done = known.setdefault(marker, {})
+        for folder in sorted({file.parent for file in cases}):  # one import of everything for each
+            hashes = {str(f.relative_to(ROOT)): _hash([f]) for f in cases if f.parent == folder}
+            changed = [name for name, value in hashes.items() if done.get(name) != value]
+            if changed:
+                print(f"measuring {folder.relative_to(ROOT)} ({marker})", flush=True)
+                _measured(tree, changed, marker)
+                done |= hashes
                 known_file.write_text(json.dumps(known))
     return ExecutedLines(STORE)
 
