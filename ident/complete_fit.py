@@ -20,7 +20,7 @@ from ballbar.ident.corrections.base import Correction
 from ballbar.ident.corrections.rod_elongation import ROD_ELONGATION
 from ballbar.ident.estimator.build_unknowns import TENSION_PRIOR, RecordingStart, complete_unknowns
 from ballbar.ident.estimator.fit import Fit, fit, thinned
-from ballbar.ident.estimator.model import Model, gearing
+from ballbar.ident.estimator.model import Evaluation, Model, gearing
 from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.ident.estimator.normal_equations import NormalEquations
 from ballbar.ident.estimator.observations import rounding_noise
@@ -94,6 +94,7 @@ class Pose:
     x: Array  # (P,)
     ballbars: list[Array]  # (N, 5) [rad] of each recording
     robust: tuple[Array, ...] = ()  # as of NormalEquations
+    previous: tuple[Evaluation, ...] = ()  # evaluations near x
 
 
 def fit_complete(
@@ -138,11 +139,11 @@ def fit_complete(
     needed = needed_corrections(result, tried) if tried else []
     chosen += needed
     pose = recast(result, chosen) if tried else None
-    result = with_noise(result, listener, pose)
+    result = with_noise(result, listener, pose, passes=1)
     while len(faults) < most and (fault := run.step_fault(result, faults)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         faults = (*faults, fault)  # it shows only once the noise is known
-        result = with_noise(run.first(chosen, faults), listener)
+        result = with_noise(run.first(chosen, faults), listener, passes=1)
     exact = with_exact_periods(result, faults, lines)
     idle = unsupported(result) if automatic else set()
     while idle or exact != faults:
@@ -151,13 +152,14 @@ def fit_complete(
         chosen = [c for c in chosen if c.name not in idle]
         left_out = candidates_left_out(result, idle)
         if exact == faults:
-            result = with_noise(result, listener, recast(result, chosen))
+            result = with_noise(result, listener, recast(result, chosen), passes=1)
         else:
             faults = exact
-            result = with_noise(run.first(chosen, faults), listener)
+            result = with_noise(run.first(chosen, faults), listener, passes=1)
         result = replace(result, left_out=left_out)
         idle = unsupported(result) if automatic else set()
-    return replace(result, step_faults=sized(result, faults, lines))
+    final = replace(with_noise(result, listener, passes=1), left_out=result.left_out)
+    return replace(final, step_faults=sized(final, faults, lines))
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +249,9 @@ def recast(result: Fit, chosen: Sequence[Correction]) -> Pose:
     corrections = (*chosen, *slips)
     coefficients = [c for correction in corrections for c in correction.coefficients]
     layout, x = model.unknowns.with_coefficients(coefficients, result.x)
-    return Pose(replace(model, corrections=corrections, unknowns=layout), x, result.ballbars)
+    model = replace(model, corrections=corrections, unknowns=layout)
+    previous = tuple(replace(at, regressors_at=None) for at in result.linear.evaluations)
+    return Pose(model, x, result.ballbars, previous=previous)
 
 
 def with_likely_priors(result: Fit) -> Model:
@@ -272,20 +276,24 @@ def with_noise(
     listener: Listener = SILENT,
     pose: Pose | None = None,
     *,
+    passes: int = NOISE_PASSES,
     max_iterations: int = MAX_ITERATIONS,
 ) -> Fit:
     """Further fits, each with the noise that the one before left unexplained.
 
-    pose : where the first begins, if not at the result. max_iterations : of each.
+    pose : where the first begins, if not at the result. passes : so many. max_iterations : of each.
     """
-    for k in range(1, NOISE_PASSES + 1):
-        begin = pose or Pose(with_likely_priors(result), result.x, result.ballbars)
+    for _ in range(passes):
+        begin = pose or Pose(
+            with_likely_priors(result),
+            result.x,
+            result.ballbars,
+            previous=result.linear.evaluations,
+        )
         begin, pose = replace(begin, robust=_robust(result)), None
         excess, iterations = excess_noise(result), result.iterations
         del result  # large with many samples
-        listener.progress(
-            f"fitting {begin.x.size} unknowns with estimated noise, {k} of {NOISE_PASSES}"
-        )
+        listener.progress(f"fitting {begin.x.size} unknowns with estimated noise")
         result = fit_pose(begin, excess, max_iterations=max_iterations)
         result = replace(result, iterations=iterations + result.iterations)
     return result
@@ -318,6 +326,7 @@ def fit_pose(
         max_iterations=max_iterations,
         freeze_after=NEW_WEIGHTS,
         robust=pose.robust,
+        previous=pose.previous,
         give_up=give_up,
     )
 

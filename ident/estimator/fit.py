@@ -138,6 +138,7 @@ class WhitenedLoopClosure:
     keep_blocks: bool = False
     freeze_after: int | None = None  # iterations after which weights stay; None for never
     robust: Sequence[Array] = ()
+    previous: Sequence[Evaluation] = ()  # evaluations near the start
 
     def start(self) -> NormalEquations:
         return normal_equations(
@@ -145,6 +146,7 @@ class WhitenedLoopClosure:
             self.x,
             self.ballbars,
             self.excess,
+            previous=self.previous,
             keep_blocks=self.keep_blocks,
             robust=self.robust,
         )
@@ -183,13 +185,15 @@ def fit(
     freeze_after: int | None = FREEZE_AFTER,
     search: Search | None = None,
     robust: Sequence[Array] = (),
+    previous: Sequence[Evaluation] = (),
     give_up: Callable[[NormalEquations, int], bool] = lambda *_: False,
 ) -> Fit:
     """Fit the model from x (P,).
 
     ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start.
     negligible, reuse_below, freeze_after : as `NEGLIGIBLE`, `REUSE_BELOW` and `FREEZE_AFTER` above.
-    search, give_up : as in `minimise`. robust : as of NormalEquations.
+    search, give_up : as in `minimise`. robust : as of NormalEquations. previous : evaluations near
+    x (Model.evaluate).
 
     Raises SingularError where the model has no finite linearisation.
     """
@@ -202,6 +206,7 @@ def fit(
             keep_blocks=reuse_below > 0.0,
             freeze_after=freeze_after,
             robust=robust,
+            previous=previous,
         ),
         Stop(decrease=negligible),
         max_iterations=max_iterations,
@@ -279,6 +284,12 @@ def moved(fit: Fit, step: Array) -> Fit:
     model, linear = fit.model, fit.linear
     x = model.unknowns.moved(fit.x, step)
     at = normal_equations(
-        model, x, fit.ballbars, fit.excess, weights=linear.weights, robust=linear.robust
+        model,
+        x,
+        fit.ballbars,
+        fit.excess,
+        weights=linear.weights,
+        previous=linear.evaluations,
+        robust=linear.robust,
     )
     return replace(fit, linear=at)

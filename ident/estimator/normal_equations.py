@@ -56,6 +56,15 @@ class JacobianBlock:
             out[knots] = (splines * (self.slope * vector).sum(axis=0)).toarray()
         return out
 
+    def products(self, vector: Array, signals: Array, model: Model, k: int) -> Array:
+        """(P, K) `scores` summed up with signals (K, n); those of knots are never formed."""
+        out, knots = np.zeros((model.unknowns.count, len(signals))), model.unknowns.knots(k)
+        out[self.index] = np.einsum("pen,en->pn", self.values, vector) @ signals.T
+        if self.slope is not None and knots is not None:
+            splines = model.recordings[k].splines[:, self.samples]
+            out[knots] = splines @ ((self.slope * vector).sum(axis=0) * signals).T
+        return out
+
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:

@@ -119,7 +119,10 @@ def _scores(fit: Fit) -> tuple[Array, Array, Array]:
             own, wave = columns[..., block.samples], each[..., block.samples]
             for j in range(gears):
                 score[j] += wave[j] @ (own[j] * residual[:, block.samples]).sum(axis=0)
-                mixed[:, j] += block.scores(own[j], model, k) @ wave[j].T
-                for i in range(gears):
+                mixed[:, j] += block.products(own[j], wave[j], model, k)
+                for i in range(j + 1):
                     waves[j, :, i] += wave[j] * (own[j] * own[i]).sum(axis=0) @ wave[i].T
+    for j in range(gears):
+        for i in range(j):
+            waves[i, :, j] = waves[j, :, i].T
     return waves.reshape(score.size, -1), mixed.reshape(-1, score.size), score.ravel()
