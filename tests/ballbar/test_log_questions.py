@@ -14,6 +14,7 @@ from ballbar.cell.load import load_instrument
 from ballbar.recordings.answers import Answers
 from ballbar.recordings.log_questions import _length, likely_unit
 from ballbar.recordings.preview import LogPreview
+from ballbar.recordings.questions import time_form
 
 BAR = load_instrument("qc20w_300")  # 0.3 m, a few millimetres of stroke
 DIALECT = cast("Dialect", SimpleNamespace(time=SimpleNamespace(column="t")))
@@ -73,3 +74,29 @@ def test_the_unit_puts_all_values_inside_the_range(unit: str, metres: float) -> 
         0.0,
     )
     assert likely_unit(BAR, np.empty(0)) is None
+
+
+@pytest.mark.parametrize(
+    ("step", "proposal"), [(4.0, "ms"), (0.004, "s"), (4000.0, "us"), (40.0, None), (0.0, None)]
+)
+def test_the_unit_in_which_rows_have_a_usual_period_is_proposed(
+    step: float, proposal: str | None
+) -> None:
+    asked: list[tuple[str, str | None]] = []
+
+    def ask(question: str, proposed: str | None) -> str:
+        asked.append((question, proposed))
+        return proposed or "s"
+
+    stamps = 7.0 + step * np.arange(5)
+    form = time_form("a.csv", stamps, periods=(1e-3, 2e-2), given=None, ask=ask)
+    assert form == (proposal or "s")
+    assert asked[0][1] == proposal
+    apart = f"; rows are {step:g} apart." if step else "They do not show it."
+    assert apart in asked[0][0]
+    assert time_form("a.csv", stamps, periods=(1e-3, 2e-2), given="us", ask=ask) == "us"
+    assert len(asked) == 1
+    time_form("a.csv", stamps[:1], periods=(1e-3, 2e-2), given=None, ask=ask)
+    assert asked[1][1] is None
+    time_form("a.csv", stamps, periods=(1e-3, 2e-2), given=None, ask=ask, proposed=["ns"])
+    assert asked[2][1] is None
