@@ -1,4 +1,4 @@
-"""What a recorder counts of a device: records, losses, gaps, rate and status of its encoders."""
+"""A recorder counts records, losses, gaps, rate and status of the encoders of a device."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which column of a log holds the length, in which unit, and what is proposed for it."""
+"""A column of a log is asked for as the length, with the unit that is proposed for it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHOWN = np.linspace(-0.4, 0.4, 5) * (BAR.upper - BAR.lower)  # [m] about the mid
 def asked(
     columns: dict[str, Array], **answers: object
 ) -> tuple[dict[str, object], list[str | None]]:
-    """What is written of the length, and each proposal, which is taken where there is one."""
+    """The length as written, and each proposal, which is taken where there is one."""
     log = SimpleNamespace(columns=list(columns), values=columns.__getitem__)
     given = SimpleNamespace(**{"column": None, "unit": None, "zero": None} | answers)
     proposals: list[str | None] = []

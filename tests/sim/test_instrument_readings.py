@@ -1,4 +1,4 @@
-"""What is drawn onto still readings: drift, outliers, early readings, noise and rounding."""
+"""Still readings get drift, outliers, early readings, noise and rounding as they are drawn."""
 
 from __future__ import annotations
 
