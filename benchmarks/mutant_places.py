@@ -25,29 +25,6 @@ from parso.tree import NodeOrLeaf
 from benchmarks.executed_lines import PACKAGES
 
 ROOT = Path(__file__).parent.parent
-TARGETS = (
-    "ident",
-    "cell",
-    "sim/errors",  # error sources, and what draws and applies them
-    "sim/streams.py",
-    "sim/kinematic_samples.py",
-    "sim/logging/clocks.py",
-    "sim/logging/encoders.py",
-    "sim/logging/load_logs.py",
-    "sim/plant/effects.py",
-    "sim/true_robot.py",
-    "acquisition/faults/encoders.py",
-    "acquisition/faults/robot_angles.py",  # of motors, axes or joints
-    "acquisition/stamps",
-    "acquisition/times.py",
-    "acquisition/bundle.py",
-    "acquisition/corners.py",
-    "acquisition/picture_start.py",
-    "acquisition/pictures.py",
-    "ballbar/camera",
-    "ballbar/certificate",
-    "ballbar/history",
-)
 _ORDERS = "Eq|NotEq|Lt|LtE|Gt|GtE"
 _ARITHMETIC = "Add|Sub|Mul|Div|FloorDiv|Mod|Pow"
 _BITS = "RShift|LShift|BitOr|BitAnd|BitXor"
@@ -81,13 +58,10 @@ class Mutant:
     source: str  # the whole file with the fault
 
 
+@cache
 def target_files() -> list[str]:
-    """All files that mutants are taken from, sorted."""
-    files = [
-        file
-        for target in TARGETS
-        for file in ([ROOT / target] if target.endswith(".py") else (ROOT / target).rglob("*.py"))
-    ]
+    """All files that mutants are taken from, sorted: those of the product."""
+    files = [file for package in PACKAGES for file in (ROOT / package).rglob("*.py")]
     return sorted(str(file.relative_to(ROOT)) for file in files)
 
 
@@ -261,18 +235,12 @@ def _defined(statement: ast.stmt) -> set[str]:
 def _mentions(file: str, name: str) -> Iterator[tuple[str, tuple[int, int]]]:
     """Files and positions where a name of a file is used, as a name or as an attribute."""
     private = name.startswith("_") or name == "model_config"
-    for other in (file,) if private else _product():
+    for other in (file,) if private else target_files():
         names, attributes, imported = _identifiers(other)
         for place in attributes.get(name, []):
             yield other, place
         for place in names.get(name, []) if other == file or name in imported else ():
             yield other, place
-
-
-@cache
-def _product() -> tuple[str, ...]:
-    files = [file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))]
-    return tuple(str(file.relative_to(ROOT)) for file in files)
 
 
 Places = dict[str, list[tuple[int, int]]]

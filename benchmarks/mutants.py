@@ -1,15 +1,16 @@
 """Mutation testing: the share of single-line faults of the sources that the tests see.
 
-    python -m benchmarks.mutants [--sample 400] [--seed 1] [--processes 1] [--again] [--long]
-                                 [--tests PATH ...] [--only PATH ...]
+    python -m benchmarks.mutants [--sample 400] [--seed 1] [--processes 1] [--long | --quick]
+                                 [--again | --resume] [--tests PATH ...] [--only PATH ...]
                                  [--out docs/studies/mutants.csv]
 
 Faults are drawn by benchmarks.mutant_places. Each stands in a private copy of the project, where
 the tests of `make test` that execute its line run until the first failure, up to LIMIT_SECONDS of
 them: those of its own package first, of these those of its module, then the quickest. `--tests`
 takes only the tests below some paths, `--only` of the sample the faults there. `--again` repeats
-only those that survived the last time. `--long` gives survivors to all other tests that execute
-the line, the long ones too.
+only those that survived the last time, `--resume` goes on where a run was stopped. `--long` gives
+survivors to all other tests that execute the line, the long ones too; `--quick` takes only the
+tests of `make quick`, and of these only those of the fault's own package.
 Tests of the project's text (tests/project) do not count.
 
 Writes the table `--out`. Why a survivor survives is stated by the table
@@ -59,8 +60,9 @@ LIBRARIES = (
     *("scipy.spatial", "scipy.stats"),
 )
 OPTIONS = ("-p", "no:cacheprovider", "-p", "no:xdist", "--tb=short")
-OF_CLASSES = "tests/cell/test_frozen.py::"  # looks at every class, and executes nothing of them
+OF_CLASSES = "test_frozen.py::"  # looks at every class of a package, and executes nothing of them
 FAULT = "fault of this command"
+QUICK, TEST, ALL = "not slow and not long", "not long", "long or not long"  # markers of tests
 LIMIT_SECONDS = 15.0  # of tests, by their processor time under coverage
 HEAD = ("file", "line", "operator", "before", "after", "outcome", "test", "kind", "reason")
 Row = dict[str, str]
@@ -159,7 +161,7 @@ def synchronise(tree: Path) -> None:
         beside.symlink_to(ROOT.parent / "shared")
 
 
-def measured_lines(tree: Path, paths: list[str], *, long: bool) -> ExecutedLines:
+def measured_lines(tree: Path, paths: list[str], chosen: str) -> ExecutedLines:
     """Which test below `paths` executes which line; changed test files are measured again."""
     tests = sorted(
         file
@@ -177,14 +179,15 @@ def measured_lines(tree: Path, paths: list[str], *, long: bool) -> ExecutedLines
         for name in (CONTEXTS, TESTS):
             (STORE / name).unlink(missing_ok=True)
         known = {"common": common}
-    for marker in ("not long", "long") if long else ("not long",):
-        hashes = {str(file.relative_to(ROOT)): _hash([file]) for file in cases}
-        known.setdefault(marker, {})
-        for name, value in hashes.items():
-            if known[marker].get(name) != value:
-                print(f"measuring {name} ({marker})", flush=True)
-                _measured(tree, [name], marker)
-                known[marker][name] = value
+    for marker in (TEST, "long") if chosen == ALL else (chosen,):
+        done = known.setdefault(marker, {})
+        for folder in sorted({file.parent for file in cases}):  # one import of everything for each
+            hashes = {str(f.relative_to(ROOT)): _hash([f]) for f in cases if f.parent == folder}
+            changed = [name for name, value in hashes.items() if done.get(name) != value]
+            if changed:
+                print(f"measuring {folder.relative_to(ROOT)} ({marker})", flush=True)
+                _measured(tree, changed, marker)
+                done |= hashes
                 known_file.write_text(json.dumps(known))
     return ExecutedLines(STORE)
 
@@ -215,13 +218,13 @@ class Judge:
 
     def __init__(
         self, executed: ExecutedLines, tree: Path, mutants: Callable[[], Iterator[Mutant]],
-        report: Callable[[Row], None], *, long: bool,
+        report: Callable[[Row], None], chosen: str,
     ) -> None:  # fmt: skip
         self.executed = executed
         self.tree = tree
         self.mutants = mutants
         self.report = report
-        self.long = long
+        self.chosen = chosen
         self.items: dict[str, pytest.Item] = {}
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
@@ -241,22 +244,26 @@ class Judge:
         tests = set[str]()
         for file, lines in lines_of_use(mutant.file, position):
             tests |= self.executed.tests(file, lines)
+        package = f"tests/{mutant.file.split('/')[0]}/"
+        of_classes = package + OF_CLASSES
         if not in_function(mutant.file, position):
-            tests |= {name for name in self.executed.contexts if name.startswith(OF_CLASSES)}
+            tests |= {name for name in self.executed.contexts if name.startswith(of_classes)}
         tests &= self.items.keys()
+        if self.chosen == QUICK:
+            tests = {test for test in tests if test.startswith(package)}
         module = mutant.file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         direct = {name for name in _test_files(tests) if module in (ROOT / name).read_text()}
         seconds = {test: self.executed.seconds(test) for test in tests}
         quick = sorted(
             (test for test in tests if not self.executed.contexts[test].long),
             key=lambda test: (
-                not test.startswith(OF_CLASSES),
-                not test.startswith(f"tests/{mutant.file.split('/')[0]}/"),
+                not test.startswith(of_classes),
+                not test.startswith(package),
                 test.split("::")[0] not in direct,
                 seconds[test],
             ),
         )
-        if self.long:
+        if self.chosen == ALL:
             return quick + sorted(tests - set(quick), key=lambda test: seconds[test])
         spent = np.cumsum([seconds[test] for test in quick])
         return quick[: int(np.searchsorted(spent, LIMIT_SECONDS)) + 1]
@@ -360,12 +367,11 @@ def judged(
 
     def work(tree: Path) -> None:
         enter(tree)
-        judge = Judge(executed, tree, some, rows.put, long=args.long)
-        marker = "long or not long" if args.long else "not long"
+        judge = Judge(executed, tree, some, rows.put, args.chosen)
         tests = _test_files(n for n, c in executed.contexts.items() if c.is_test)
         with tree.with_suffix(".out").open("w") as output:
             os.dup2(output.fileno(), 1)
-            pytest.main([*OPTIONS, "-m", marker, *tests], [judge])
+            pytest.main([*OPTIONS, "-m", args.chosen, *tests], [judge])
 
     for number in range(args.processes):
         tree = STORE / f"tree{number}" / "project"
@@ -381,11 +387,12 @@ def main(args: argparse.Namespace) -> None:
     warm_up()
     tree = STORE / "tree0" / "project"
     synchronise(tree)
-    executed = measured_lines(tree, args.tests, long=args.long)
+    executed = measured_lines(tree, args.tests, args.chosen)
     rows = {}
-    if args.again:
+    if (args.again or args.resume) and args.out.exists():
         with args.out.open(newline="") as file:
-            rows = {_key(row): row for row in csv.DictReader(file) if row["outcome"] == "seen"}
+            last = [row for row in csv.DictReader(file) if args.resume or row["outcome"] == "seen"]
+        rows = {_key(row): row for row in last}
     sample = [
         mutant
         for mutant in _sample(args.sample, args.seed)
@@ -446,8 +453,10 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     for name, default in (("--sample", 400), ("--seed", 1), ("--processes", 1)):
         parser.add_argument(name, type=int, default=default)
-    for name in ("--again", "--long"):
+    for name in ("--again", "--resume"):
         parser.add_argument(name, action="store_true")
+    for name, marker in (("--long", ALL), ("--quick", QUICK)):
+        parser.add_argument(name, dest="chosen", action="store_const", const=marker, default=TEST)
     parser.add_argument("--tests", nargs="+", default=["tests"])
     parser.add_argument("--only", nargs="+", default=[""])
     parser.add_argument("--out", type=Path, default=RESULT)

@@ -34,19 +34,6 @@ FISHEYE = Lens("fisheye", np.array([500.0, 502.0, 640.0, 360.0, 0.03, -0.01, 0.0
 POINTS = np.random.default_rng(1).uniform(-0.4, 0.4, (9, 3)) + np.array([0.0, 0.0, 0.7])
 
 
-@pytest.mark.parametrize("lens", [BROWN, FISHEYE], ids=lambda lens: lens.model)
-def test_derivatives_of_a_lens_are_those_of_its_pixels(lens: Lens) -> None:
-    pixels, by_point, by_lens = lens.image(POINTS)
-    for k, step in enumerate(1e-6 * np.eye(3)):
-        change = (lens.image(POINTS + step)[0] - lens.image(POINTS - step)[0]) / 2e-6
-        assert np.allclose(change, by_point[..., k], rtol=1e-5, atol=1e-5)
-    for k, size in enumerate(1e-6 * np.maximum(1.0, np.abs(lens.values))):
-        step = size * np.eye(lens.values.size)[k]
-        ahead, back = (Lens(lens.model, lens.values + s).image(POINTS)[0] for s in (step, -step))
-        assert np.allclose((ahead - back) / (2.0 * size), by_lens[..., k], rtol=1e-5, atol=1e-4)
-    assert np.allclose(lens.tangents(pixels), POINTS[:, :2] / POINTS[:, 2:], atol=1e-10)
-
-
 def test_lenses_are_those_of_opencv() -> None:
     cv2 = pytest.importorskip("cv2")
     zero = np.zeros(3)

@@ -17,6 +17,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ballbar.cell.arrays import Array
+from ballbar.cell.chain import Chain, forward
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import Geometry, nominal_geometry, robot_frames
@@ -266,6 +267,20 @@ def test_an_angle_below_its_sigma_is_dropped_from_a_table_and_kept_by_hayati(
     assert max(abs(float(row["d_m"])) for row in table(text)) < 2.0
     q = np.random.default_rng(7).uniform(-1.0, 1.0, (50, 6))
     assert_same_poses(read_hayati(exported(result, "hayati"), q), result, q)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_standard_rows_move_as_those_with_hayati_angles_within_a_quarter_turn(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, d, alpha, theta = rng.uniform(-1.0, 1.0, (4, 6)) * [[0.8], [0.5], [np.pi], [3.0]]
+    alpha = np.where(np.abs(np.sin(alpha)) < 0.3, np.pi / 2, alpha)
+    chain = Chain(a, d, alpha, theta, rng.normal(0.0, 0.02, 6))
+    rows = standard_rows(chain)
+    assert not rows.beta.any()
+    assert np.abs(rows.theta - theta).max() < np.pi / 2
+    q = rng.uniform(-np.pi, np.pi, (20, 6))
+    poses = forward(Chain(rows.a, rows.d, rows.alpha, rows.theta, rows.beta), q).poses()
+    assert poses @ turn("y", rows.tool_beta) == pytest.approx(forward(chain, q).poses(), abs=1e-12)
 
 
 def test_axes_that_are_parallel_to_rounding_have_no_standard_row(nominal: Geometry) -> None:

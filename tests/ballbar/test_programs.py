@@ -22,7 +22,7 @@ from ballbar.cell.load import load_robot
 from ballbar.cell.payload import Payload, with_payload
 from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from ballbar.compensation.frames import FrameOptions, frame_options, pose_of_angles
-from ballbar.compensation.program_text import Number
+from ballbar.compensation.program_text import Number, number_text
 from ballbar.compensation.programs import (
     CorrectedProgram,
     correct_program,
@@ -791,3 +791,19 @@ def test_options_that_are_not_understood_are_refused() -> None:
     with pytest.raises(InputError, match=r"--payload 1,2: expected"):
         frame_options((), (), ("a=1,2",), ())
     assert flange(load_robot("irb2400"), np.zeros(6))[0, 3] == pytest.approx(0.94)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "new"),
+    [
+        ("12.5", "mm", "12.600"),
+        ("12.50000", "mm", "12.60000"),  # as many decimals as the program has
+        ("1.25E1", "mm", "12.600"),
+        ("12.50000E0", "deg", "12.6000"),
+        ("12", "1", "12.10000000"),
+    ],
+)
+def test_a_number_that_changes_keeps_its_decimals(text: str, unit: str, new: str) -> None:
+    number = Number(text, 0, len(text), 1)
+    assert number_text(number, number.value, number.value + 0.1, unit) == new
+    assert number_text(number, 7.0, 7.0 + 4e-9, unit) == text

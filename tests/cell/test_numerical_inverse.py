@@ -13,7 +13,8 @@ from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import nominal_geometry
 from ballbar.cell.load import load_plate, load_robot, load_telescoping_bar, robot_names
-from ballbar.cell.numerical_inverse import REACHED, dexterity, pose_branches
+from ballbar.cell.numerical_inverse import REACHED, dexterity, pose_branches, turned_near
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from ballbar.sim.path import Lissajous, branches_along, tool_poses
 
 CLOSED = {"irb120", "irb1600", "irb2400", "irb4400", "irb4600", "irb6640", "nj220"}
@@ -147,3 +148,22 @@ def test_a_stretched_arm_has_a_singular_value_of_zero() -> None:
     value = dexterity(chain, np.stack((stretched, bent)))
     assert value[0] < 1e-12
     assert value[1] > 0.05
+
+
+def test_axes_are_turned_to_where_they_were_before_as_far_as_their_ranges_allow() -> None:
+    """Whole turns are all that changes; half a turn away is as near as an axis may be left."""
+    robot, turn = load_robot("ur5e"), 2.0 * np.pi
+    robot = replace(robot, axis_lower=np.full(6, -4.0), axis_upper=np.full(6, 5.0))
+    rng = np.random.default_rng(8)
+    before, after = rng.uniform(-4.0, 5.0, (2, 500, 6))
+    away = after + turn * rng.integers(-3, 4, after.shape)
+    q = turned_near(robot, controller_to_joints(robot, away), controller_to_joints(robot, before))
+    axes = joints_to_axes(robot, q)
+    turns = (axes - after) / turn
+    assert np.abs(turns - np.round(turns)).max() < 1e-12
+    assert (axes > -4.0 - 1e-12).all()
+    assert (axes < 5.0 + 1e-12).all()
+    nearest = after + turn * np.round((before - after) / turn)
+    allowed = (nearest >= -4.0) & (nearest <= 5.0)
+    assert axes[allowed] == pytest.approx(nearest[allowed], abs=1e-12)
+    assert 0.5 < allowed.mean() < 1.0

@@ -1,14 +1,53 @@
-"""Quantiles against scipy.stats."""
+"""Statistics against scipy.stats and formulas."""
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from ballbar.cell.statistics import chi_square_quantile
+from ballbar.cell.statistics import chi_square_quantile, correlation_time, covariance_root, rms
 
 
 @pytest.mark.parametrize("freedom", [1, 2.5, 3, 60])
 @pytest.mark.parametrize("probability", [0.001, 0.5, 0.95])
 def test_a_quantile_of_chi_square_is_that_of_scipy(probability: float, freedom: float) -> None:
     assert chi_square_quantile(probability, freedom) == chi2.ppf(probability, freedom)
+
+
+@pytest.mark.parametrize("shape", [(7,), (2, 3), (1,)])
+def test_the_rms_is_that_of_all_values_whatever_their_shape(shape: tuple[int, ...]) -> None:
+    values = np.random.default_rng(1).normal(2.0, 1.0, shape)
+    assert rms(values) == pytest.approx(np.sqrt(sum(v * v for v in values.flat) / values.size))
+
+
+def test_no_values_have_no_rms() -> None:
+    assert math.isnan(rms([]))
+
+
+def test_the_root_of_a_covariance_squares_to_it_and_is_symmetric_in_correlations() -> None:
+    mixed = np.random.default_rng(2).normal(size=(4, 4))
+    mixed[2] = 0.0  # something that is known exactly
+    scale = np.array([1e-6, 1.0, 1.0, 1e4])
+    covariance = mixed @ mixed.T * np.outer(scale, scale)
+    root = covariance_root(covariance)
+    assert root @ root.T == pytest.approx(covariance, rel=1e-9)
+    assert not root[2].any()
+    sigma = np.sqrt(np.diag(covariance))[[0, 1, 3]]
+    correlations = root[np.ix_([0, 1, 3], [0, 1, 3])] / sigma[:, None]
+    assert correlations == pytest.approx(correlations.T, rel=1e-9)
+
+
+@pytest.mark.parametrize(("memory", "tau"), [(0.0, 1.0), (0.5, 3.0), (0.8, 9.0)])
+def test_neighbours_of_an_autoregressive_series_count_as_its_correlation_time(
+    memory: float, tau: float
+) -> None:
+    """(1 + memory) / (1 - memory) for a first-order series."""
+    rng = np.random.default_rng(3)
+    noise, series = rng.normal(size=(3, 40_000)), np.zeros((3, 40_000))
+    for k in range(1, 40_000):
+        series[:, k] = memory * series[:, k - 1] + noise[:, k]
+    assert correlation_time(series, most=50.0) == pytest.approx(tau, rel=0.06)
+    assert correlation_time(series, most=2.0) == pytest.approx(min(tau, 2.0), rel=0.06)

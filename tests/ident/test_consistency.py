@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.geometry import Geometry
 from ballbar.cell.logs import RobotLog
 from ballbar.ident.complete_fit import fit_complete
-from ballbar.ident.consistency import Change, Consistency, consistency
+from ballbar.ident.consistency import Change, Consistency, _Part, consistency
 from ballbar.ident.options import FitOptions
 from ballbar.ident.recording_fit import Logs, fit_recording
 from tests.helpers.minute_logs import minute_logs
@@ -127,3 +129,40 @@ def test_a_change_is_worded_with_place_and_remedy() -> None:
     within = Change(1, 63.2, ("seat", ""), np.array([3e-4, 0.0, 4e-4]), 2.0).sentence
     assert within.startswith("from t = 63 s on the machine of recording 2 is another one: base of")
     assert "the ball-bar by 500 um (moved?)" in within
+
+
+class Decreases:
+    """Time blocks of given costs, and what freeing each group there would bring."""
+
+    def __init__(self, **groups: tuple[float, list[float]]) -> None:
+        self.blocks = [SimpleNamespace(cost=cost) for cost in (100.0, 60.0, 40.0)]
+        self.groups = {(name, ""): (cost, np.array(step)) for name, (cost, step) in groups.items()}
+
+    def added(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        assert chosen.tolist() == [False, True, True]
+        return chosen
+
+    def changed(self, _part: object, group: tuple[str, str]) -> tuple[float, Array]:
+        return self.groups[group]
+
+    def change(self) -> Change:
+        part = _Part(1, None, np.array([False, True, True]), {name: name for name in self.groups})
+        return part.change(self)
+
+
+def test_a_change_is_the_smallest_group_that_brings_three_fifths_of_what_any_brings() -> None:
+    six = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    change = Decreases(
+        rod=(61.0, [7.0]), bar=(61.9, [9.0]), axis=(62.0, [8.0]), robot=(107.0, six)
+    ).change()  # 60, 60.9, 61 and 101 beyond chance: three fifths of that are 60.6
+    assert (change.recording, change.time, change.group) == (1, None, ("axis", ""))
+    assert change.size.tolist() == [8.0]
+    assert change.times == pytest.approx(62.0 / 25.0)
+    assert change.share == pytest.approx(0.62)
+    seat = Decreases(rod=(59.0, [7.0]), seat=(80.0, six), robot=(107.0, [*six, 7.0])).change()
+    assert (seat.group, seat.size.tolist()) == (("seat", ""), [1.0, 2.0, 3.0])
+    assert seat.times == pytest.approx(80.0 / 6.0 / (1.0 + 24.0 / 6.0**0.25))
+
+
+def test_groups_that_bring_less_than_chance_are_judged_by_their_size_alone() -> None:
+    assert Decreases(robot=(1.9, [1.0, 2.0]), rod=(0.1, [3.0])).change().group == ("rod", "")

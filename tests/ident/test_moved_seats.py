@@ -168,6 +168,15 @@ def test_clean_and_drifting_tables_have_no_steps(measured: Measured) -> None:
     assert fit_table(table, PLAIN).findings.steps == ()
 
 
+@pytest.mark.parametrize(("over", "steps"), [(1, 1), (32, 0), (48, 0)])
+def test_a_gradual_change_is_no_step(over: int, steps: int) -> None:
+    (group,) = stepped("point", "seat", np.zeros(3), at=60).groups
+    gone = np.clip((np.arange(COUNT) - 75) / over + 0.5, 0.0, 1.0)
+    values = group.values + 1e-3 * gone[:, None] * [0.6, -0.64, 0.48]
+    table = PoseTable("t", true_robot("ur5").robot, (replace(group, values=values),))
+    assert len(fit_table(table, PLAIN).findings.steps) == steps
+
+
 def test_a_few_outliers_and_another_robot_are_no_steps() -> None:
     (group,) = stepped("point", "seat", np.zeros(3), at=60).groups
     values = group.values.copy()

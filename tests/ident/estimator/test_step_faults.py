@@ -177,6 +177,13 @@ def test_a_step_smaller_than_the_smallest_is_left_to_the_residual() -> None:
     assert find_step_fault(fitted(slipped(2, 30.0, 1e-4))) is None
 
 
+@pytest.mark.parametrize(("size", "found"), [(1.6e-3, False), (-1.6e-3, False), (2.5e-3, True)])
+def test_a_clock_step_shorter_than_two_milliseconds_is_something_smooth(
+    size: float, found: bool
+) -> None:
+    assert (find_step_fault(fitted(clock_set(30.0, size))) is not None) == found
+
+
 @pytest.mark.parametrize("at", [TIMES[5] - 0.01, TIMES[-5] - 0.01])
 def test_a_step_at_either_end_is_little_more_than_a_different_start(at: float) -> None:
     fault = find_step_fault(fitted(slipped(1, at, PERIOD)))

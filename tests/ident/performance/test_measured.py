@@ -313,6 +313,14 @@ def test_a_lap_with_a_pause_does_not_count() -> None:
     assert not ((starts < 20.0) & (starts + length > 20.1)).any()
 
 
+def test_a_quick_move_behind_the_laps_is_no_lap() -> None:
+    """The axes are four times as quick there, at angles that no lap passes again."""
+    turns = np.clip(SECONDS, 0.0, 24.0) / 8.0 + np.clip(SECONDS - 30.0, 0.0, 1.0) / 2.0
+    starts, length = laps_of(SECONDS, angles_of(2.0 * np.pi * turns))
+    assert length == pytest.approx(8.0, abs=0.03)
+    assert starts.size >= 2
+
+
 def test_a_path_without_repetition_has_no_laps() -> None:
     phase = SECONDS / 4.0
     q = np.column_stack((np.sin(phase), np.sin(1.618 * phase), np.cos(2.303 * phase)))

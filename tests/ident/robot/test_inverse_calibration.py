@@ -12,7 +12,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import Geometry, robot_frames
-from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from ballbar.ident.corrections import CORRECTIONS
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.inverse_calibration import TargetError, corrected_targets
@@ -103,3 +103,13 @@ def test_five_axes_cannot_keep_a_whole_pose(nominal: Geometry) -> None:
     five = cast(IdentifiedRobot, SimpleNamespace(robot=SimpleNamespace(title="Five", joints=5)))
     with pytest.raises(InputError, match="Five: 5 axes cannot keep a whole pose"):
         corrected_targets(five, nominal.robot, np.zeros((1, 5)))
+
+
+def test_the_axis_that_is_furthest_outside_its_range_is_named(
+    cell: Cell, identified: IdentifiedRobot, nominal: Geometry, targets: Array
+) -> None:
+    robot = cell.robot
+    axes = joints_to_axes(robot, targets[:1])
+    axes[0, 0], axes[0, 3] = robot.axis_lower[0] - 0.09, robot.axis_upper[3] + 0.02
+    with pytest.raises(TargetError, match="axis 1 of the given target is"):
+        corrected_targets(identified, nominal.robot, controller_to_joints(robot, axes))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ballbar.ident.signals.smooth_log import smooth_log
+from ballbar.ident.signals.smooth_log import _in_motion, smooth_log
 from ballbar.ident.signals.steps import find_steps
 
 
@@ -128,3 +128,21 @@ def test_a_pause_of_seconds_in_which_the_arm_moved_on_is_no_step() -> None:
     values = motion(t) + np.random.default_rng(5).normal(0, 1e-6, (t.size, 2))
     rows = (t < 8.0) | (t >= 11.0)
     assert [s for s in find_steps(t[rows], values[rows]) if s.channel is None] == []
+
+
+@pytest.mark.parametrize(
+    ("wide", "rows", "motion"), [(2.6, 6, True), (2.0, 6, False), (9.0, 3, False)]
+)
+def test_outliers_are_motion_where_a_quarter_of_the_rows_around_are_twice_as_wide(
+    wide: float, rows: int, motion: bool
+) -> None:
+    """wide : of `rows` of the 16 rows around an outlier of one channel, in standard deviations."""
+    residual = 1e-5 * np.random.default_rng(7).choice([-1.0, 1.0], (400, 2)) * [0.6745, 6.745]
+    out = np.zeros(residual.shape, dtype=bool)
+    out[[100, 300], 1] = True
+    residual[out] = 1.0
+    around = [108, 92, 104, 96, 103, 97][:rows]
+    residual[around, 1] *= wide / 0.6745
+    expected = np.zeros(residual.shape, dtype=bool)
+    expected[100, 1] = motion
+    assert (_in_motion(residual, out) == expected).all()

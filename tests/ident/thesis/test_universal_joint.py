@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ballbar.cell.geometry import Geometry, bar_frames, parameter_screw, robot_frames
+from ballbar.cell.arrays import Array
+from ballbar.cell.geometry import Geometry, Parameter, bar_frames, parameter_screw, robot_frames
 from ballbar.cell.inverse import UnreachableError, bar_angles
 from ballbar.ident.estimator.closure import Closure, close_loop
 from ballbar.ident.thesis.universal_joint import universal_joint_angles, universal_joint_columns
@@ -69,3 +70,23 @@ def test_rows_behind_the_gimbal_move_only_their_own_angle(nominal: Geometry, loo
         motion = parameter_screw(nominal, angles.closure.robot, angles.closure.bar, parameter)
         columns = universal_joint_columns(angles, parameter, motion)
         assert np.array_equal(columns, np.outer(expected, np.ones(9)))
+
+
+@pytest.mark.parametrize("parameter", PARAMETERS, ids=lambda p: p.name)
+def test_the_columns_are_the_central_differences_of_the_error(
+    nominal: Geometry, loop: Loop, parameter: Parameter
+) -> None:
+    b = loop.b + np.random.default_rng(5).uniform(-0.02, 0.02, loop.b.shape)
+    step = 1e-6  # [m, rad] rounding leaves 1e-10 of the quotient, curvature 1e-11
+
+    def error(sign: float) -> Array:
+        changed = nominal.replaced({parameter.name: nominal[parameter.name] + sign * step})
+        return universal_joint_angles(close_loop(changed, loop.q, b)).error
+
+    difference = error(1.0) - error(-1.0)
+    expected = np.angle(np.exp(1j * difference)) / (2.0 * step)
+    angles = universal_joint_angles(close_loop(nominal, loop.q, b))
+    motion = parameter_screw(nominal, angles.closure.robot, angles.closure.bar, parameter)
+    motion = -motion if parameter.side == "robot" else motion
+    columns = universal_joint_columns(angles, parameter, motion)
+    assert columns == pytest.approx(expected, abs=1e-7 * max(1.0, np.abs(expected).max()))
