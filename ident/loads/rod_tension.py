@@ -82,8 +82,8 @@ def from_motor_torque(
 
     tension, direction = Tension(np.zeros(n), none, mean, prior), carried.gear_per_newton
     for _ in range(ROUNDS):
-        force, one = carried.gears(tension.force), np.ones_like(speed)
-        columns[:, range(j), range(j)] = side, speed, force, rise, acceleration, one
+        force, offset_column = carried.gears(tension.force), np.ones_like(speed)
+        columns[:, range(j), range(j)] = side, speed, force, rise, acceleration, offset_column
         each = _Elimination(columns.reshape(-1, j, n), sigma, direction, mean, prior)
         tension = each.tension(torque - carried.gear)
     return tension
@@ -124,6 +124,16 @@ class FlangeLoad:
     per_newton: Array  # (6, N) of it
     tool: Array  # (4, 6, N) by a standard deviation of the tool's masses, independent ones
 
+    def eliminated(self, force: Array) -> _Elimination:
+        """A sensor's biases, its gain errors under a tension (N,) [N], and the tool's masses."""
+        n = force.size
+        columns = np.concatenate((np.zeros((12, 6, n)), self.tool))
+        columns[range(6), range(6)] = 1.0
+        columns[range(6, 12), range(6)] = self.known + self.per_newton * force
+        prior = np.concatenate((SENSOR_BIAS, np.full(6, SENSOR_GAIN), np.ones(len(self.tool))))
+        sigma = np.repeat(SENSOR_NOISE[:, None], n, axis=1)
+        return _Elimination(columns, sigma, self.per_newton, np.zeros(prior.size), prior)
+
 
 def force_sensor(load: FlangeLoad) -> Callable[[Array, int], tuple[Tension, float]]:
     """The tension from a six-axis sensor at the flange, and the rms of its residual [sigma].
@@ -133,27 +143,16 @@ def force_sensor(load: FlangeLoad) -> Callable[[Array, int], tuple[Tension, floa
     wrench. The tension's theta holds six biases [N, N m], six gain errors, four deviations of the
     tool's masses [sigma].
     """
-    n, tool = load.known.shape[1], len(load.tool)
-    columns = np.concatenate((np.zeros((12, 6, n)), load.tool))
-    columns[range(6), range(6)] = 1.0
-    prior = np.concatenate((SENSOR_BIAS, np.full(6, SENSOR_GAIN), np.ones(tool)))
-    sigma, mean = np.repeat(SENSOR_NOISE[:, None], n, axis=1), np.zeros(prior.size)
-
-    def with_gains_of(force: Array) -> _Elimination:
-        every = columns.copy()
-        every[range(6, 12), range(6)] = load.known + load.per_newton * force
-        return _Elimination(every, sigma, load.per_newton, mean, prior)
-
-    first = with_gains_of(np.zeros(n))
+    first = load.eliminated(np.zeros(load.known.shape[1]))
 
     def measured(wrench: Array, rounds: int) -> tuple[Tension, float]:
         y, eliminated = wrench - load.known, first
         tension = eliminated.tension(y)
         for _ in range(rounds - 1):
-            eliminated = with_gains_of(tension.force)
+            eliminated = load.eliminated(tension.force)
             tension = eliminated.tension(y)
         explained = eliminated.explained(tension.theta) + load.per_newton * tension.force
-        return tension, float(np.sqrt((((y - explained) / sigma) ** 2).mean()))
+        return tension, float(np.sqrt((((y - explained) / eliminated.sigma) ** 2).mean()))
 
     return measured
 
