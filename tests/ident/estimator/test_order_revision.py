@@ -13,7 +13,7 @@ from ballbar.ident.corrections.joint_harmonics import PRIOR
 from ballbar.ident.estimator.linear_model import LinearModel
 from ballbar.ident.estimator.order_revision import RevisedOrder, revised_orders
 from ballbar.ident.estimator.order_search import wave_columns
-from tests.ident.estimator.test_order_search import linear_model, uniform_angles
+from tests.helpers.joint_error_models import linear_model, uniform_angles
 
 RIVALS = [(1, float(order)) for order in range(1, 41)]
 
