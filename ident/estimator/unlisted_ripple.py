@@ -122,7 +122,5 @@ def _scores(fit: Fit) -> tuple[Array, Array, Array]:
                 mixed[:, j] += block.products(own[j], wave[j], model, k)
                 for i in range(j + 1):
                     waves[j, :, i] += wave[j] * (own[j] * own[i]).sum(axis=0) @ wave[i].T
-    for j in range(gears):
-        for i in range(j):
-            waves[i, :, j] = waves[j, :, i].T
-    return waves.reshape(score.size, -1), mixed.reshape(-1, score.size), score.ravel()
+    lower = np.tril(waves.reshape(score.size, -1))
+    return lower + np.tril(lower, -1).T, mixed.reshape(-1, score.size), score.ravel()

@@ -24,7 +24,7 @@ from ballbar.ident.loads.gear_loads import Loads, loads, mass_model
 from ballbar.ident.loads.rod_tension import (
     ROUNDS,
     Tension,
-    from_force_sensor,
+    force_sensor,
     from_motor_torque,
     on_flange,
 )
@@ -140,11 +140,11 @@ def sensor_tension(
     middle, wrench = _block_means(log.t, log.t, log.wrench)
     at = samples.robot_time(clock, samples.times)
     q, ballbar = samples.robot.spline(at), samples.ballbar_angles(geometry, clock)
-    load = on_flange(cell, geometry, q, ballbar)
+    sensor = force_sensor(on_flange(cell, geometry, q, ballbar))
 
     def at_lag(lag: float, rounds: int = 1) -> tuple[Tension, float]:
         measured = np.stack([np.interp(at - lag, middle, column) for column in wrench.T])
-        return from_force_sensor(measured, load, rounds)
+        return sensor(measured, rounds)
 
     lags = np.arange(-SENSOR_LAG, SENSOR_LAG + 0.5 * LAG_STEP, LAG_STEP)
     best = float(lags[int(np.argmin([at_lag(float(lag))[1] for lag in lags]))])

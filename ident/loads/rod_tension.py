@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -79,13 +80,13 @@ def from_motor_torque(
     prior = np.concatenate((coulomb, 2.0 * viscous, gain, rising, ROTOR_PRIOR * rotors, offset))
     sigma = torque_sigma(cell, speed)
 
-    def at(force: Array) -> Tension:
-        terms = (side, speed, carried.gears(force), rise, acceleration, np.ones_like(speed))
-        columns[:, range(j), range(j)] = terms
-        each, direction = columns.reshape(-1, j, n), carried.gear_per_newton
-        return _eliminated(torque - carried.gear, sigma, each, direction, mean, prior)
-
-    return _repeated(at, n)
+    tension, direction = Tension(np.zeros(n), none, mean, prior), carried.gear_per_newton
+    for _ in range(ROUNDS):
+        force, offset_column = carried.gears(tension.force), np.ones_like(speed)
+        columns[:, range(j), range(j)] = side, speed, force, rise, acceleration, offset_column
+        each = _Elimination(columns.reshape(-1, j, n), sigma, direction, mean, prior)
+        tension = each.tension(torque - carried.gear)
+    return tension
 
 
 def friction_sign(speed: Array) -> Array:
@@ -123,29 +124,37 @@ class FlangeLoad:
     per_newton: Array  # (6, N) of it
     tool: Array  # (4, 6, N) by a standard deviation of the tool's masses, independent ones
 
+    def eliminated(self, force: Array) -> _Elimination:
+        """A sensor's biases, its gain errors under a tension (N,) [N], and the tool's masses."""
+        n = force.size
+        columns = np.concatenate((np.zeros((12, 6, n)), self.tool))
+        columns[range(6), range(6)] = 1.0
+        columns[range(6, 12), range(6)] = self.known + self.per_newton * force
+        prior = np.concatenate((SENSOR_BIAS, np.full(6, SENSOR_GAIN), np.ones(len(self.tool))))
+        sigma = np.repeat(SENSOR_NOISE[:, None], n, axis=1)
+        return _Elimination(columns, sigma, self.per_newton, np.zeros(prior.size), prior)
 
-def from_force_sensor(
-    wrench: Array, load: FlangeLoad, rounds: int = ROUNDS
-) -> tuple[Tension, float]:
-    """Tension from a six-axis sensor at the flange, and the rms of its residual [sigma].
 
-    wrench : (6, N) [N, N m] that plate and ball-bar exert on the flange, flange frame. The result's
-    theta holds six biases [N, N m], six gain errors, four deviations of the tool's masses [sigma].
+def force_sensor(load: FlangeLoad) -> Callable[[Array, int], tuple[Tension, float]]:
+    """The tension from a six-axis sensor at the flange, and the rms of its residual [sigma].
+
+    The function takes the wrench (6, N) [N, N m] that plate and ball-bar exert on the flange, in
+    its frame, and how many rounds (ROUNDS); what the first one eliminates is the same for every
+    wrench. The tension's theta holds six biases [N, N m], six gain errors, four deviations of the
+    tool's masses [sigma].
     """
-    n, tool = wrench.shape[1], len(load.tool)
-    columns = np.concatenate((np.zeros((12, 6, n)), load.tool))
-    columns[range(6), range(6)] = 1.0
-    prior = np.concatenate((SENSOR_BIAS, np.full(6, SENSOR_GAIN), np.ones(tool)))
-    sigma = np.repeat(SENSOR_NOISE[:, None], n, axis=1)
-    y, direction = wrench - load.known, load.per_newton
+    first = load.eliminated(np.zeros(load.known.shape[1]))
 
-    def at(force: Array) -> Tension:
-        columns[range(6, 12), range(6)] = load.known + direction * force
-        return _eliminated(y, sigma, columns, direction, np.zeros(prior.size), prior)
+    def measured(wrench: Array, rounds: int) -> tuple[Tension, float]:
+        y, eliminated = wrench - load.known, first
+        tension = eliminated.tension(y)
+        for _ in range(rounds - 1):
+            eliminated = load.eliminated(tension.force)
+            tension = eliminated.tension(y)
+        explained = eliminated.explained(tension.theta) + load.per_newton * tension.force
+        return tension, float(np.sqrt((((y - explained) / eliminated.sigma) ** 2).mean()))
 
-    tension = _repeated(at, n, rounds)
-    explained = np.einsum("j,jkn->kn", tension.theta, columns) + direction * tension.force
-    return tension, float(np.sqrt((((y - explained) / sigma) ** 2).mean()))
+    return measured
 
 
 def on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> FlangeLoad:
@@ -171,28 +180,40 @@ def on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> FlangeLoad:
     return FlangeLoad(out[0], out[1], np.einsum("kl,kin->lin", stated_tool(cell), of_tool))
 
 
-def _repeated(at: Callable[[Array], Tension], samples: int, rounds: int = ROUNDS) -> Tension:
-    """The tension by gains of the load with the tension of the round before; none in the first."""
-    tension = at(np.zeros(samples))
-    for _ in range(rounds - 1):
-        tension = at(tension.force)
-    return tension
+@dataclass(frozen=True, eq=False)
+class _Elimination:
+    """Measured values as a tension, sample by sample, and terms theta of all of them."""
 
+    columns: Array  # (T, J, N) of the values by the terms
+    sigma: Array  # (J, N)
+    direction: Array  # (J, N) of the values per newton
+    mean: Array  # (T,) of the terms' priors
+    prior: Array  # (T,) standard deviations
 
-def _eliminated(
-    y: Array, sigma: Array, columns: Array, direction: Array, mean: Array, prior: Array
-) -> Tension:
-    white, w = y / sigma, direction / sigma
-    design = without_tension(columns, sigma, direction)
-    rest = without_tension(y[None], sigma, direction)[0]
-    flat = design.reshape(len(columns), -1)
-    normal = flat @ flat.T + np.diag(prior**-2.0)
-    theta = mean + np.linalg.solve(normal, flat @ (rest.reshape(-1) - mean @ flat))
-    left = white - np.einsum("j,jkn->kn", theta, columns / sigma)
-    weight = (w * w).sum(axis=0)
-    return Tension(
-        (w * left).sum(axis=0) / weight,
-        1.0 / np.sqrt(weight),
-        theta,
-        np.sqrt(np.diag(np.linalg.inv(normal))),
-    )
+    @cached_property
+    def _flat(self) -> Array:
+        """(T, J N) whitened columns less what any tension could explain."""
+        design = without_tension(self.columns, self.sigma, self.direction)
+        return design.reshape(len(self.columns), -1)
+
+    @cached_property
+    def _normal(self) -> Array:
+        return np.asarray(self._flat @ self._flat.T + np.diag(self.prior**-2.0))
+
+    def tension(self, y: Array) -> Tension:
+        """The likeliest tension and terms behind values y (J, N)."""
+        rest = without_tension(y[None], self.sigma, self.direction)[0].reshape(-1)
+        off = self._flat @ (rest - self.mean @ self._flat)
+        theta = self.mean + np.linalg.solve(self._normal, off)
+        w, left = self.direction / self.sigma, (y - self.explained(theta)) / self.sigma
+        weight = (w * w).sum(axis=0)
+        return Tension(
+            (w * left).sum(axis=0) / weight,
+            1.0 / np.sqrt(weight),
+            theta,
+            np.sqrt(np.diag(np.linalg.inv(self._normal))),
+        )
+
+    def explained(self, theta: Array) -> Array:
+        """(J, N) of the values by the terms alone."""
+        return np.asarray(np.einsum("j,jkn->kn", theta, self.columns))

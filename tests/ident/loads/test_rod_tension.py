@@ -11,11 +11,12 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.payload import with_deviations
 from ballbar.ident.loads.rod_tension import (
     REVERSAL_SPEED,
+    ROUNDS,
     SENSOR_BIAS,
     SENSOR_NOISE,
     TORQUE_SIGMA,
     Tension,
-    from_force_sensor,
+    force_sensor,
     from_motor_torque,
     on_flange,
 )
@@ -86,9 +87,8 @@ def test_the_friction_of_a_joint_that_never_moves_stays_the_catalogues(moving: M
 def test_what_gears_and_plate_carry_is_what_comes_through_the_flange(moving: Motion) -> None:
     """Statics through the arm, which share nothing with the sensor's model, leave no residual."""
     force = tension_at(moving.t)
-    found, left = from_force_sensor(
-        moving.wrench(force), on_flange(CELL, NOMINAL, moving.q, moving.b)
-    )
+    sensor = force_sensor(on_flange(CELL, NOMINAL, moving.q, moving.b))
+    found, left = sensor(moving.wrench(force), ROUNDS)
     assert found.force == pytest.approx(force, abs=1e-6)
     assert left < 1e-8
     assert np.abs(found.theta).max() < 1e-8
@@ -101,7 +101,7 @@ def test_a_sensor_with_biases_and_gain_errors_shows_the_same_tension(moving: Mot
     gain = 1.0 + drawn - drawn.mean()  # that of all six is the tension's
     averaged = noise(moving, 0.1 * SENSOR_NOISE)  # over a hundred rows
     wrench = (moving.wrench(force) + averaged) * gain[:, None] + bias[:, None]
-    found, left = from_force_sensor(wrench, on_flange(CELL, NOMINAL, moving.q, moving.b))
+    found, left = force_sensor(on_flange(CELL, NOMINAL, moving.q, moving.b))(wrench, ROUNDS)
     expected = np.concatenate((bias, gain - 1.0))
     assert (np.abs(found.theta[:12] - expected) < found.theta_sigma[:12]).all()
     assert (found.theta_sigma[:12] < np.repeat([0.01 * SENSOR_BIAS[2], 0.005], 6)).all()
@@ -117,7 +117,7 @@ def test_a_tool_heavier_than_its_file_says_is_no_gain_of_the_sensor(moving: Moti
     heavier = with_deviations(CELL, np.array([1.5, 0.02, -0.03, 0.05, *np.zeros(24)]))
     more = on_flange(heavier, NOMINAL, moving.q, moving.b).known - load.known
     assert np.abs(more).max() > 10.0
-    found, left = from_force_sensor(moving.wrench(force) + more, load)
+    found, left = force_sensor(load)(moving.wrench(force) + more, ROUNDS)
     assert found.force == pytest.approx(force, rel=0.01, abs=0.3)
     assert np.abs(found.theta[6:12]).max() < 2e-3
     assert left < 0.03
@@ -125,6 +125,6 @@ def test_a_tool_heavier_than_its_file_says_is_no_gain_of_the_sensor(moving: Moti
 
 def test_what_is_left_over_grows_where_the_sensor_shows_another_pose(moving: Motion) -> None:
     wrench = moving.wrench(tension_at(moving.t))
-    expected = on_flange(CELL, NOMINAL, moving.q, moving.b)
-    left = [from_force_sensor(np.roll(wrench, k, axis=1), expected)[1] for k in (0, 1, 3)]
+    sensor = force_sensor(on_flange(CELL, NOMINAL, moving.q, moving.b))
+    left = [sensor(np.roll(wrench, k, axis=1), 1)[1] for k in (0, 1, 3)]
     assert left[0] < left[1] < left[2]
