@@ -142,7 +142,7 @@ def test_two_exchanged_pictures_are_named_and_do_no_harm(tmp_path: Path) -> None
 
 
 def test_the_noise_of_depth_does_not_widen_the_stated_regions(tmp_path: Path) -> None:
-    """The factor over chi-square is 1.5 where one scatter stands for all directions, else near 1."""
+    """The factor over chi-square is 1.5 where one scatter stands for all directions, else 1."""
     factors = [
         estimated(draw(seed, carried=True), tmp_path / str(seed)).cross_validation.factor
         for seed in (20, 100, 102)
