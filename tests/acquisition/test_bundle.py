@@ -101,6 +101,14 @@ def test_an_adjustment_from_far_off_ends_where_no_small_step_gains() -> None:
     assert again.cost == pytest.approx(ended.cost, rel=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_steps_that_overshoot_are_damped_until_the_boards_stand_where_they_are(seed: int) -> None:
+    """From boards turned by up to half a radian about each axis."""
+    bundle, rng = drawn(), np.random.default_rng(seed)
+    far = bundle.moved(rng.uniform(-1.0, 1.0, (COUNT, 6)) * [*[0.05] * 3, *[0.5] * 3])
+    assert adjusted(far).cost == pytest.approx(adjusted(bundle).cost, rel=1e-4)
+
+
 def test_information_is_what_the_whole_normal_matrix_leaves_without_the_poses() -> None:
     bundle = drawn()
     by_pose, by_values = bundle.slopes

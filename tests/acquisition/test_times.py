@@ -66,3 +66,20 @@ def test_the_day_of_stamps_is_that_of_the_last_and_none_without_epoch() -> None:
     assert day_of(np.array([late - 10**11, late])) == "2026-03-31"
     assert not day_of(np.array([0, 30 * 365 * 86_400 * 10**9]))  # an up-time of thirty years
     assert not day_of(np.array([], dtype=np.int64))
+
+
+@pytest.mark.parametrize(
+    ("text", "ns", "rounded"),
+    [
+        ("1.234567890E0", 1_234_567_890, False),
+        ("-1.234567890E1", -12_345_678_900, True),
+        ("1.23E-5", 12_300, True),
+        ("1.234567891E+0", 1_234_567_891, False),
+    ],
+)
+def test_a_stamp_in_exponent_form_is_rounded_where_its_digits_end_above_the_nanosecond(
+    text: str, ns: int, *, rounded: bool
+) -> None:
+    stamps, findings = stamps_ns(cells(text), "s")
+    assert stamps.tolist() == [ns]
+    assert [each.kind for each in findings] == ["rounded stamp"] * rounded

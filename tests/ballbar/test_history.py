@@ -251,3 +251,23 @@ def test_a_repetition_is_known_better_than_the_machine(recorded: Recorded) -> No
     assert history.repeated
     assert {fit.series.axis for fit in history.fits} == {1, 2, 3, 4, 5}
     assert not history.findings
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 2.5])
+def test_the_scatter_is_that_of_values_about_what_their_neighbours_predict(factor: float) -> None:
+    """Uneven dates, a steady drift and deviations that differ by five times."""
+    rng = np.random.default_rng(4)
+    t = np.cumsum(rng.uniform(0.2, 3.0, 600))
+    sigma = SIGMA * rng.uniform(0.4, 2.0, 600)
+    value = 1e-5 * t + factor * sigma * rng.standard_normal(600)
+    each = replace(series(value, t=t), sigma=sigma)
+    assert scatters([each])[0] == pytest.approx(max(1.0, factor), rel=0.06)
+    few = replace(series(value[:4], t=t[:4]), sigma=0.01 * sigma[:4])
+    assert scatters([few]) == [1.0]
+
+
+def test_a_series_that_scatters_little_by_chance_has_the_scatter_of_its_kind() -> None:
+    rng = np.random.default_rng(6)
+    three = [series(s * SIGMA * rng.standard_normal(400)) for s in (1.0, 3.0, 3.0)]
+    other = replace(series(5.0 * SIGMA * rng.standard_normal(400)), kind="twist")
+    assert scatters([*three, other]) == pytest.approx([3.0, 3.0, 3.0, 5.0], rel=0.1)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from ballbar.cell.descriptions import Link
 from ballbar.cell.errors import DescriptionError
+from ballbar.export.into_urdf import _angle
 from ballbar.robot_file.urdf import parse_urdf, with_round_angles
 from ballbar.robot_file.urdf_chain import bodies, chain_between
 from tests.helpers.published_urdf import PUBLISHED, Joint, tip_pose, turn
@@ -251,3 +253,12 @@ def test_a_link_of_mass_zero_is_a_frame() -> None:
     solid = inertial.replace('value="0"', 'value="1"')
     with_mass = parse_urdf(f'<robot><link name="a">{solid}</link></robot>', "a")
     assert isinstance(with_mass.links["a"], Link)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.3, 2.0, 3.1])
+@pytest.mark.parametrize("axis", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.48, 0.6, 0.64]])
+def test_the_angle_of_a_rotation_is_exact_also_where_it_is_small(
+    angle: float, axis: list[float]
+) -> None:
+    rotation = Rotation.from_rotvec(angle * np.array(axis)).as_matrix()
+    assert _angle(rotation) == pytest.approx(angle, rel=1e-7, abs=1e-15)

@@ -7,6 +7,15 @@ import pytest
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.camera import NAMES, Lens, LensModel
+from ballbar.cell.instrument import (
+    CALIBRATED,
+    CENTRE,
+    DISTORTION,
+    FOCAL,
+    SQUARE,
+    CameraFile,
+    camera_of,
+)
 
 VALUES = {
     "brown": [800.0, 820.0, 630.0, 470.0, -0.21, 0.08, 2e-3, -3e-3, 0.02],
@@ -17,6 +26,10 @@ MODELS: tuple[LensModel, ...] = ("brown", "fisheye")
 
 def lens(model: LensModel) -> Lens:
     return Lens(model, np.array(VALUES[model]))
+
+
+def camera_file(**values: object) -> CameraFile:
+    return CameraFile.model_validate({"image_px": [1280, 960]} | values)
 
 
 def points(count: int = 40) -> Array:
@@ -79,3 +92,42 @@ def test_the_line_of_sight_of_a_pixel_meets_the_point_that_is_imaged_there(
 def test_what_is_behind_the_camera_is_imaged_as_if_it_were_just_before_it() -> None:
     behind = lens("brown").image(np.array([[1e-7, 2e-7, -3.0]]))[0]
     assert behind == pytest.approx(lens("brown").image(np.array([[1e-7, 2e-7, 1e-6]]))[0])
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("degrees", [40.0, 75.0])
+def test_the_field_of_view_is_what_a_picture_is_wide(model: LensModel, degrees: float) -> None:
+    """Half of the angle away from the axis is half of the width away from the middle."""
+    camera = camera_of(camera_file(lens=model, field_of_view_deg=degrees))
+    half = np.deg2rad(0.5 * degrees)
+    pixels = camera.lens.image(np.array([[np.sin(half), 0.0, np.cos(half)], [0.0, 0.0, 1.0]]))[0]
+    assert pixels == pytest.approx(np.array([[639.5 + 640.0, 479.5], [639.5, 479.5]]))
+
+
+def test_what_is_known_of_a_lens_before_any_picture() -> None:
+    values = {"lens_px": VALUES["fisheye"], "lens": "fisheye"}
+    guessed = camera_of(camera_file(field_of_view_deg=60.0))
+    fx, fy = guessed.lens.values[:2]
+    same, square = FOCAL**2, SQUARE**2  # both focal lengths, and that of rows against columns
+    expected = [[same * fx * fx, same * fx * fy], [same * fx * fy, (same + square) * fy * fy]]
+    assert guessed.covariance[:2, :2] == pytest.approx(np.array(expected))
+    assert np.diag(guessed.covariance)[2:4] == pytest.approx([(CENTRE * 1280) ** 2] * 2)
+    assert np.diag(guessed.covariance)[4:] == pytest.approx(np.square(DISTORTION["brown"]))
+    calibrated = camera_of(camera_file(**values))
+    assert calibrated.lens.values == pytest.approx(VALUES["fisheye"])
+    assert calibrated.covariance[2, 2] == pytest.approx((CALIBRATED * CENTRE * 1280) ** 2)
+    stated = camera_of(camera_file(**values, lens_sigma_px=[1.0, 2.0, 3.0, 4.0, *[0.1] * 4]))
+    assert stated.covariance == pytest.approx(np.diag([1.0, 4.0, 9.0, 16.0, *[0.01] * 4]))
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        ({}, "missing; or give lens_px"),
+        ({"lens_px": VALUES["fisheye"]}, "expected fx, fy, cx, cy, k1, k2, p1, p2, k3"),
+        ({"field_of_view_deg": 60.0, "lens_sigma_px": [1.0] * 9}, "expected fx, fy, cx, cy"),
+    ],
+)
+def test_a_lens_that_is_not_stated_whole_is_refused(values: dict[str, object], why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        camera_file(**values)

@@ -13,7 +13,7 @@ from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import nominal_geometry
 from ballbar.cell.load import load_plate, load_robot, load_telescoping_bar, robot_names
-from ballbar.cell.numerical_inverse import REACHED, dexterity, pose_branches, turned_near
+from ballbar.cell.numerical_inverse import REACHED, dexterity, in_range, pose_branches, turned_near
 from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from ballbar.sim.path import Lissajous, branches_along, tool_poses
 
@@ -167,3 +167,15 @@ def test_axes_are_turned_to_where_they_were_before_as_far_as_their_ranges_allow(
     allowed = (nearest >= -4.0) & (nearest <= 5.0)
     assert axes[allowed] == pytest.approx(nearest[allowed], abs=1e-12)
     assert 0.5 < allowed.mean() < 1.0
+
+
+def test_a_path_turns_as_a_whole_to_the_centre_of_each_axis_range() -> None:
+    robot, turn = load_robot("ur5e"), 2.0 * np.pi
+    robot = replace(robot, axis_lower=np.full(6, -2.0), axis_upper=np.full(6, 12.0))
+    path = 5.0 + np.random.default_rng(9).uniform(-1.0, 1.0, (3, 50, 6))
+    turns = np.array([-2, -1, 0, 1, 2, 3])
+    q = controller_to_joints(robot, (path + turn * turns).reshape(-1, 6)).reshape(path.shape)
+    assert joints_to_axes(robot, in_range(robot, q)) == pytest.approx(path, abs=1e-12)
+    kept = joints_to_axes(robot, in_range(robot, q, first=2))
+    assert kept[..., 2:] == pytest.approx(path[..., 2:], abs=1e-12)
+    assert kept[..., :2] == pytest.approx((path + turn * turns)[..., :2], abs=1e-12)

@@ -325,6 +325,8 @@ def test_a_path_without_repetition_has_no_laps() -> None:
     phase = SECONDS / 4.0
     q = np.column_stack((np.sin(phase), np.sin(1.618 * phase), np.cos(2.303 * phase)))
     assert laps_of(SECONDS, q)[0].size == 0
+    starts, length = laps_of(SECONDS, angles_of(SECONDS / 40.0))
+    assert (starts.size, length) == (0, 0.0)
 
 
 def test_path_characteristics_of_three_laps() -> None:
