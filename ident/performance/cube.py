@@ -72,7 +72,7 @@ def _fitting(
     nominal: IdentifiedKinematics, identified: IdentifiedRobot, edge: float
 ) -> TestCube | None:
     """The cube of an edge [m] with the first of TILTS that fits, all tried at a time."""
-    within, found = identified.workspace(), None
+    within, cube = identified.workspace(), None
     middle = 0.5 * (within.min(axis=0) + within.max(axis=0))
     starts = np.vstack((middle, within[:TRIED]))
     q, tilt = np.tile(starts, (len(TILTS), 1)), np.repeat(range(len(TILTS)), len(starts))
@@ -89,13 +89,13 @@ def _fitting(
         if inside.any():
             first = tilt[inside].min()
             best = np.where(tilt == first, motion, np.inf).argmin()
-            found = TestCube(edge, poses[best], taken[best])
+            cube = TestCube(edge, poses[best], taken[best])
             taken, tilt = taken[tilt < first], tilt[tilt < first]
         # from here the angles at the five poses are about the middle
         q = taken[:, 0] + middle - 0.5 * (taken.min(axis=1) + taken.max(axis=1))
         if not q.size:
             break
-    return found
+    return cube
 
 
 def _upright(nominal: IdentifiedKinematics, ends: Array, tilt: float) -> Array:
