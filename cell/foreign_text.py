@@ -26,7 +26,8 @@ def printable(text: str, allowed: str = "\n") -> str:
     """The text with its control, invisible and line-breaking characters as escapes, `\\x1b`."""
     if text.isprintable():
         return text
-    acting = _acting(text, allowed)
+    if not (acting := _acting(text, allowed)):
+        return text
     return text.translate({ord(c): c.encode("unicode_escape").decode("ascii") for c in acting})
 
 

@@ -49,3 +49,18 @@ def correlation_time(series: NDArray[np.float64], *, most: float) -> float:
             break
         tau += 2.0 * share
     return min(tau, most)
+
+
+def variance_beyond(rest: NDArray[np.float64], known: NDArray[np.float64]) -> float:
+    """[m^2] variance along each axis of errors (E, N) [m] beside what is known (N, E, E) [m^2].
+
+    Each direction counts by its own variance: those with large noise, such as depths of pictures,
+    tell little (DerSimonian & Laird 1986).
+    """
+    size, axes = np.linalg.eigh(known)
+    square = np.einsum("nce,cn->ne", axes, rest).ravel() ** 2
+    noise, out = np.maximum(size, 0.0).ravel(), 0.0
+    for _ in range(20):  # converges in a few
+        weight = (noise + out) ** -2.0
+        out = max(0.0, float(weight @ (square - noise) / weight.sum()))
+    return out

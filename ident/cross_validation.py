@@ -31,9 +31,10 @@ from scipy.sparse.csgraph import connected_components
 from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Robot
 from ballbar.cell.poses import PoseTable
-from ballbar.cell.statistics import chi_square_quantile
+from ballbar.cell.statistics import chi_square_quantile, variance_beyond
 from ballbar.cell.typical_machine import arm_length
 from ballbar.ident.estimator.fit import Fit
+from ballbar.ident.estimator.gauss_newton import inverse
 from ballbar.ident.estimator.model import Evaluation
 from ballbar.ident.estimator.normal_equations import whole_jacobian
 from ballbar.ident.estimator.observations import FollowedPoses
@@ -60,7 +61,6 @@ REGIONS, PLACES = "in regions of joint space", "at places"  # that were not fitt
 SAME_PLACE = 0.15  # [m] between seats that see the robot from one place
 BLOCKS = 32  # regions whose poses share what the model leaves over
 CORRELATION_TIMES = 10.0  # of a block of time: its edges are a small part of it
-_BEYOND_STEPS = 20  # of an iteration that converges in a few
 FEWEST_BLOCKS, MOST_BLOCKS = 5, 200  # of time, in one log
 CLOSE = 1.5  # periods between neighbouring rows, at most
 
@@ -153,12 +153,14 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
         for k, (point, row) in enumerate(pairs, start=len(model.recordings))
     ]
     rests = [row(point.closure.error) for point, row in pairs]
+    spreads = [spread_of(move, fit.covariance) for move in moves]
     for number in np.unique(fold):
         held = np.split(fold == number, ends)
-        step = _without(fit, held)
-        for rest, move, own in zip(rests, moves, held, strict=True):
+        step, covariance = _without(fit, held)
+        for n, (rest, move, own) in enumerate(zip(rests, moves, held, strict=True)):
             rest[:, own] += np.einsum("pen,p->en", move[:, :, own], step)
-    spreads = [spread_of(move, fit.covariance) for move in moves]
+            if points[n].still.common is not None:  # its readings tell their own noise
+                spreads[n][own] = spread_of(move[:, :, own], covariance)
     weighted = [robust > 0.0 for robust in equations.robust[fit.still]]
     judged = list(zip(rests, spreads, weighted, strict=True))
     count = sum(rest[:, k].size for rest, _, k in judged)
@@ -166,11 +168,17 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     square = sum(float((rest[:, k] ** 2).sum()) for rest, _, k in judged)
     declared = min(float(p.position_sigma.min()) for p in points)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
-    white = sum(_white(p, *own) for p, own in zip(points, judged, strict=True))
-    ratios = [
-        mahalanobis(rest[:, k], spread[k], variance) / chi_square_quantile(LEVEL, len(rest))
-        for rest, spread, k in judged
-    ]
+    white, ratios = 0.0, list[Array]()
+    for point, (rest, spread, k) in zip(points, judged, strict=True):
+        beyond, own = variance, spread[k]
+        if point.still.common is None:
+            white += _white(point, rest[:, k], k)
+        else:
+            own = own + _reading_noise(point, len(rest))[k]
+            beyond = variance_beyond(rest[:, k], own)
+            explained = np.trace(spread[k], axis1=1, axis2=2).sum() + beyond * rest[:, k].size
+            white += float((rest[:, k] ** 2).sum() - explained)
+        ratios.append(mahalanobis(rest[:, k], own, beyond) / chi_square_quantile(LEVEL, len(rest)))
     return CrossValidation(
         left_out=left_out,
         error=np.concatenate([np.linalg.norm(rest, axis=0) for rest in rests]),
@@ -191,23 +199,13 @@ def _play(robot: Robot) -> float:
     return 0.5 * float(robot.gears.lost_motion.max()) * arm_length(robot)
 
 
-def _white(point: Evaluation, rest: Array, spread: Array, counting: NDArray[np.bool_]) -> float:
+def _white(point: Evaluation, rest: Array, counting: NDArray[np.bool_]) -> float:
     """[m^2] sum of squares of the white noise in errors (E, N) [m] of a robot that moved.
 
     Second differences of neighbouring rows are without what the model leaves over, which changes
-    slowly; noise that is not white is counted as such. spread : (N, E, E) [m^2] by the parameters.
-    counting : of the group's poses.
+    slowly; noise that is not white is counted as such. counting : of the group's poses.
     """
-    group, rest = point.still, rest[:, counting]
-    if group.common is not None:  # the instrument's own readings tell their noise
-        noise = point.target_closure.sensor_columns(group.sigma, group.factor)
-        noise = noise[:, : len(rest), counting]
-        known = np.einsum("kcn,kdn->ncd", noise, noise) + spread[counting]
-        size, axes = np.linalg.eigh(known)
-        along = np.einsum("nce,cn->ne", axes, rest)
-        beyond = _beyond((along**2).ravel(), np.maximum(size, 0.0).ravel())
-        taken = np.trace(spread[counting], axis1=1, axis2=2).sum() + beyond * rest.size
-        return float((rest**2).sum() - taken)
+    group = point.still
     if group.motion is None or group.time is None:
         return 0.0
     step = np.diff(group.time[counting])
@@ -218,21 +216,16 @@ def _white(point: Evaluation, rest: Array, spread: Array, counting: NDArray[np.b
     return float((np.diff(rest, n=2)[:, even] ** 2).mean() / 6.0 * rest.size)
 
 
-def _beyond(square: Array, noise: Array) -> float:
-    """[m^2] variance beside that of noise (N,) [m^2] of which squares (N,) [m^2] are.
-
-    Each counts by its own variance: those with large noise, such as depths of pictures, tell little
-    (DerSimonian & Laird 1986).
-    """
-    out = 0.0
-    for _ in range(_BEYOND_STEPS):
-        weight = (noise + out) ** -2.0
-        out = max(0.0, float(weight @ (square - noise) / weight.sum()))
-    return out
+def _reading_noise(point: Evaluation, directions: int) -> Array:
+    """(N, E, E) [m^2] covariance of positions by the noise of each pose's own readings."""
+    group = point.still
+    noise = point.target_closure.sensor_columns(group.sigma, group.factor)[:, :directions]
+    return np.asarray(np.einsum("kcn,kdn->ncd", noise, noise))
 
 
-def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:
-    """(P,) change of the unknowns by a linear refit without poses, (N,) of each group.
+def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array]:
+    """(P,) change of the unknowns by a linear refit without poses, (N,) of each group, and (P, P)
+    their covariance then.
 
     Seats and targets that nothing else measured are fitted to the poses that were left out: where
     an instrument stands is always estimated again.
@@ -245,7 +238,8 @@ def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:
         own = jacobian[:, :, k].reshape(layout.count, -1)
         own_normal += own @ own.T
         own_gradient += own @ residual[:, k].reshape(-1)
-    step = -np.linalg.solve(normal - own_normal, gradient - own_gradient)
+    left = normal - own_normal
+    step = -np.linalg.solve(left, gradient - own_gradient)
     fitted = [g for g, k in zip(table.groups, held, strict=True) if not k.all()]
     alone = [
         *(part for name, part in layout.seats.items() if name not in {g.seat for g in fitted}),
@@ -257,7 +251,8 @@ def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> Array:
         rest = (own_gradient + own_normal @ step)[index]
         inner = own_normal[np.ix_(index, index)] + np.diag(layout.sigma[index] ** -2.0)
         step[index] = -np.linalg.solve(inner, rest)
-    return np.asarray(step)
+        left[np.ix_(index, index)] += own_normal[np.ix_(index, index)]
+    return np.asarray(step), fit.covariance + inverse(left) - inverse(normal)
 
 
 def _joint_sigma(fit: Fit) -> float:

@@ -10,9 +10,9 @@ lie in the plane C1-C2-C7-C8: P1 in the centre, the others on its diagonals, a t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.numerical_inverse import length_of
@@ -60,25 +60,42 @@ def fitting_cube(
     """
     if nominal.robot.joints < FULL:
         return None
-    within = identified.workspace()
-    middle = 0.5 * (within.min(axis=0) + within.max(axis=0))
-    for edge, tilt in product(SIDES if side is None else (side,), TILTS):
-        q = np.vstack((middle, within[:TRIED]))
-        for _ in range(ROUNDS):
-            ends = nominal.forward(q)
-            if tilt is not None:
-                ends[:, :3, :3] = _upright(nominal, ends, tilt)
-            poses, taken = _taken(nominal, ends, middle, edge)
-            inside = identified.covered(taken.reshape(-1, q.shape[1])).reshape(-1, 5).all(axis=1)
-            # the least motion, which keeps to one configuration where one can
-            motion = np.where(inside, np.abs(taken - taken[:, :1]).max(axis=(1, 2)), np.inf)
-            if inside.any():
-                return TestCube(edge, poses[motion.argmin()], taken[motion.argmin()])
-            # from here the angles at the five poses are about the middle
-            q = taken[:, 0] + middle - 0.5 * (taken.min(axis=1) + taken.max(axis=1))
+    for edge in SIDES if side is None else (side,):
+        if (cube := _fitting(nominal, identified, edge)) is not None:
+            return cube
     if side is None or identified.ranges is None:
         return None
     return fitting_cube(nominal, replace(identified, ranges=None), side)
+
+
+def _fitting(
+    nominal: IdentifiedKinematics, identified: IdentifiedRobot, edge: float
+) -> TestCube | None:
+    """The cube of an edge [m] with the first of TILTS that fits, all tried at a time."""
+    within, cube = identified.workspace(), None
+    middle = 0.5 * (within.min(axis=0) + within.max(axis=0))
+    starts = np.vstack((middle, within[:TRIED]))
+    q, tilt = np.tile(starts, (len(TILTS), 1)), np.repeat(range(len(TILTS)), len(starts))
+    for _ in range(ROUNDS):
+        ends = nominal.forward(q)
+        for k, angle in enumerate(TILTS):
+            if angle is not None and (rows := tilt == k).any():
+                ends[rows, :3, :3] = _upright(nominal, ends[rows], angle)
+        rows, poses, taken = _taken(nominal, ends, middle, edge)
+        tilt = tilt[rows]
+        inside = identified.covered(taken.reshape(-1, q.shape[1])).reshape(-1, 5).all(axis=1)
+        # the least motion, which keeps to one configuration where one can
+        motion = np.where(inside, np.abs(taken - taken[:, :1]).max(axis=(1, 2)), np.inf)
+        if inside.any():
+            first = tilt[inside].min()
+            best = np.where(tilt == first, motion, np.inf).argmin()
+            cube = TestCube(edge, poses[best], taken[best])
+            taken, tilt = taken[tilt < first], tilt[tilt < first]
+        # from here the angles at the five poses are about the middle
+        q = taken[:, 0] + middle - 0.5 * (taken.min(axis=1) + taken.max(axis=1))
+        if not q.size:
+            break
+    return cube
 
 
 def _upright(nominal: IdentifiedKinematics, ends: Array, tilt: float) -> Array:
@@ -94,9 +111,9 @@ def _upright(nominal: IdentifiedKinematics, ends: Array, tilt: float) -> Array:
 
 def _taken(
     nominal: IdentifiedKinematics, ends: Array, middle: Array, edge: float
-) -> tuple[Array, Array]:
-    """Cubes about K centres that the robot takes away from singular postures: their poses
-    (., 5, 4, 4), and joint angles (., 5, J) [rad], the nearest to those of P1.
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Cubes about K centres that the robot takes away from singular postures: which they are, their
+    poses (., 5, 4, 4), and joint angles (., 5, J) [rad], the nearest to those of P1.
 
     ends : (K, 4, 4) of P1; middle : (J,) [rad] to which its joint angles are the nearest ones. No
     cube reaches below the base or holds the robot's column.
@@ -113,4 +130,4 @@ def _taken(
         taken = solved.reached & solved.within & ~solved.singular
         rows, solutions = rows[taken], [each[taken] for each in (*solutions, solved.q)]
         first = solutions[0]
-    return poses[rows], np.stack(solutions, axis=1)
+    return rows, poses[rows], np.stack(solutions, axis=1)

@@ -100,20 +100,21 @@ def predict(robots: RobotPair, cube: TestCube | None) -> Iterator[Characteristic
     workspace.
     """
     if cube is not None:
-        for k, q in enumerate(cube.q, start=1):
-            yield from _pose(robots, q[None], f"P{k}")
-        yield _distance(robots, cube.q[[1, 3]])
+        (shifts, turns), covariances = robots.bias(cube.q), robots.covariance(cube.q)
+        remarks = ["" if known else EXTRAPOLATED for known in robots.robot.covered(cube.q)]
+        for k, own in enumerate(zip(shifts, turns, covariances, remarks, strict=True), start=1):
+            yield from _pose(robots, f"P{k}", *own)
+        yield _distance(robots, cube.poses[[1, 3], :3, 3], shifts[[1, 3]], covariances[[1, 3]])
         yield _path(robots, cube)
     yield from _workspace(robots)
     for symbol, why in REPEATED.items():
         yield Characteristic(symbol, "test poses", (not_stated(why),) * 3)
 
 
-def _pose(robots: RobotPair, q: Array, place: str) -> Iterator[Characteristic]:
-    """AP of one pose q (1, J) [rad]."""
-    (shift,), (turn,) = robots.bias(q)
-    covariance = robots.covariance(q)[0]
-    remark = "" if robots.robot.covered(q).all() else EXTRAPOLATED
+def _pose(
+    robots: RobotPair, place: str, shift: Array, turn: Array, covariance: Array, remark: str
+) -> Iterator[Characteristic]:
+    """AP of one pose, whose deviation is shift (3,) [m] and turn (3,) [rad], by a covariance."""
     before = known_deviation(shift, covariance, remark)
     own = unknown_error(covariance, remark)
     yield Characteristic("AP_p", place, robots.of_all(before, own))
@@ -122,17 +123,18 @@ def _pose(robots: RobotPair, q: Array, place: str) -> Iterator[Characteristic]:
         yield Characteristic(f"AP_{index}", place, (before, *(not_stated(NO_TURNS),) * 2))
 
 
-def _distance(robots: RobotPair, q: Array) -> Characteristic:
-    """AD between two poses q (2, J) [rad].
+def _distance(
+    robots: RobotPair, commanded: Array, shifts: Array, covariances: Array
+) -> Characteristic:
+    """AD between two positions (2, 3) [m], their deviations (2, 3) [m] and covariances (2, 3, 3).
 
     Errors at the two poses are correlated to a degree that the result does not state; the deviation
     of their difference is at most the sum of their deviations.
     """
-    commanded = robots.nominal.forward(q)[:, :3, 3]
-    attained = commanded + robots.bias(q)[0]
+    attained = commanded + shifts
     lengths = np.linalg.norm([np.diff(p, axis=0)[0] for p in (attained, commanded)], axis=1)
     along, off = np.diff(commanded, axis=0)[0] / lengths[1], float(lengths[0] - lengths[1])
-    variances = np.einsum("c,ncd,d->n", along, robots.covariance(q), along)
+    variances = np.einsum("c,ncd,d->n", along, covariances, along)
     width = NORMAL * float(np.sqrt(variances).sum())
     before = Statement("predicted", off, off - width, off + width)
     own = Statement("predicted", 0.0, -width, width, "an interval about no expected error")

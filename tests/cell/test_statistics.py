@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from ballbar.cell.statistics import chi_square_quantile, correlation_time, covariance_root, rms
+from ballbar.cell.statistics import (
+    chi_square_quantile,
+    correlation_time,
+    covariance_root,
+    rms,
+    variance_beyond,
+)
 
 
 @pytest.mark.parametrize("freedom", [1, 2.5, 3, 60])
@@ -51,3 +57,17 @@ def test_neighbours_of_an_autoregressive_series_count_as_its_correlation_time(
         series[:, k] = memory * series[:, k - 1] + noise[:, k]
     assert correlation_time(series, most=50.0) == pytest.approx(tau, rel=0.06)
     assert correlation_time(series, most=2.0) == pytest.approx(min(tau, 2.0), rel=0.06)
+
+
+@pytest.mark.parametrize("true", [0.0, 2e-4])
+def test_a_variance_beyond_known_noise_is_told_by_the_directions_that_are_known_well(
+    true: float,
+) -> None:
+    """Depth is fifty times noisier than the other two: all squares alike would tell nothing."""
+    rng = np.random.default_rng(4)
+    turn = np.linalg.qr(rng.standard_normal((500, 3, 3)))[0]
+    sigma = np.array([1e-4, 1e-4, 5e-3])
+    known = turn @ (sigma[:, None] ** 2 * turn.transpose(0, 2, 1))
+    rest = np.einsum("nij,jn->in", turn, sigma[:, None] * rng.standard_normal((3, 500)))
+    rest += true * rng.standard_normal((3, 500))
+    assert np.sqrt(variance_beyond(rest, known)) == pytest.approx(true, rel=0.1, abs=3e-5)

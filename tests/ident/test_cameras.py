@@ -141,6 +141,15 @@ def test_two_exchanged_pictures_are_named_and_do_no_harm(tmp_path: Path) -> None
     assert within(estimate, drawn) < 2.0
 
 
+def test_the_noise_of_depth_does_not_widen_the_stated_regions(tmp_path: Path) -> None:
+    """The factor over chi-square is 1.5 where one scatter stands for all directions, else 1."""
+    factors = [
+        estimated(draw(seed, carried=True), tmp_path / str(seed)).cross_validation.factor
+        for seed in (20, 100, 102)
+    ]
+    assert 0.7 < np.mean(factors) < 1.3
+
+
 def test_a_fit_knows_lens_and_board_better_than_the_pictures_alone(tmp_path: Path) -> None:
     """The lens is the true one within its deviation, and the robot's lengths tell of the board."""
     estimate = estimated(draw(21), tmp_path)
