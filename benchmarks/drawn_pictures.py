@@ -39,9 +39,8 @@ UNUSABLE = ("blank.png", "mirrored.png", "small.png", "twice.png", "unnamed.png"
 def drawn_robot(folder: Path, seed: int, count: int, blur: float) -> robots.Drawn:
     """Writes the pictures of a robot, joints.csv and board.yaml."""
     drawn = robots.draw(seed, count, square=SQUARE)
-    robots.write(drawn, folder)
+    robots.write(drawn, folder, sigma=2e-8)  # the scale is exact
     text = (folder / BOARD).read_text().replace("checkerboard", "charuco")
-    text = text.replace("sigma_m: 2.0e-5", "sigma_m: 2.0e-8")  # the scale is exact
     (folder / BOARD).write_text(f"{text}marker_m: {0.72 * SQUARE}\ndictionary: DICT_4X4_50\n")
     pattern, lens = Pattern(load_board(folder / BOARD).file), Lens("brown", lens_values())
     to_camera = robots.inverse(drawn.seat) @ drawn.arm.flange(drawn.q) @ drawn.target
