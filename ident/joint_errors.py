@@ -107,6 +107,8 @@ def _revised(
     own = next(c for c in fit.model.corrections if c.name == JOINT_HARMONICS)
     at, rivals = np.r_[coefficients_of(fit, own)], _rivals(cell.robot, pairs)
     revised = revised_orders(linearised(fit), at, fit.x[at], pairs, rivals, variance_factor(fit))
+    if not revised:  # what the search has found by regions stands
+        return fit, tuple(orders)
     every = list(dict.fromkeys(pair for each in revised for pair in each.sizes))
     if every != pairs:
         listener.progress(f"fitting again with {len(revised)} revised joint errors")
