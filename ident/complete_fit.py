@@ -229,14 +229,13 @@ def refit(result: Fit, extras: Sequence[Correction], listener: Listener = SILENT
 
 def settled(result: Fit, listener: Listener = SILENT) -> Fit:
     """The fit without what it no longer needs, since it has more to explain the data with."""
-    idle = unsupported(result)
-    if not idle:
-        return result
-    listener.progress(f"fitting again without {', '.join(sorted(idle))}")
-    pose = recast(result, [c for c in present(result) if c.name not in idle])
-    left_out = candidates_left_out(result, idle)
-    refitted = with_noise(result, listener, pose)
-    return replace(refitted, step_faults=result.step_faults, left_out=left_out)
+    while idle := unsupported(result):
+        listener.progress(f"fitting again without {', '.join(sorted(idle))}")
+        pose = recast(result, [c for c in present(result) if c.name not in idle])
+        left_out = candidates_left_out(result, idle)
+        refitted = with_noise(result, listener, pose)
+        result = replace(refitted, step_faults=result.step_faults, left_out=left_out)
+    return result
 
 
 def recast(result: Fit, chosen: Sequence[Correction]) -> Pose:

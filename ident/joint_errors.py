@@ -51,6 +51,7 @@ from ballbar.ident.result import Identification
 from ballbar.ident.verdict import Status
 
 SEARCHES = 3  # each followed by a complete fit
+REVISIONS = 3  # each followed by a complete fit, at most
 SEARCHED = 4000  # samples, evenly taken, that a search needs at most
 # As order_search.THRESHOLD; blocks of time are few and differ, so a little more is asked: with 8 a
 # second, false order was found beside a true one in logs of a minute.
@@ -68,7 +69,8 @@ def may_have_joint_errors(result: Identification) -> bool:
     """
     gears, status = result.robot.cell.robot.gears, result.verdict.status
     listed = gears is not None and any(gears.harmonics) and result.fit.coloured == 1.0
-    return status in (Status.SUSPECT, Status.MISFIT) or (status is Status.GOOD and not listed)
+    passes = status in (Status.GOOD, Status.UNCERTAIN) and not listed
+    return passes or status in (Status.SUSPECT, Status.MISFIT)
 
 
 def fit_joint_errors(
@@ -76,7 +78,8 @@ def fit_joint_errors(
 ) -> tuple[Fit, tuple[JointOrder, ...]]:
     """A complete fit with the joint errors that the data ask for; and these, in order of search.
 
-    fit : without joint errors.
+    fit : without joint errors. What it left out was judged beside what they leave over, and is back
+    in the fits with them.
     """
     orders: list[JointOrder] = []
     for _ in range(SEARCHES):
@@ -91,7 +94,8 @@ def fit_joint_errors(
             extras.append(joint_harmonics(periodic))
         if wrong := [o.joint for o in orders if o.order == SLOPE]:
             extras.append(gear_ratio(cell, (), sorted(wrong)))
-        fit = refit(fit, extras, listener)
+        extras += [correction for part in fit.left_out for correction in part.corrections]
+        fit = refit(replace(fit, left_out=()), extras, listener)
     return _revised(cell, fit, [o for o in orders if o.order != SLOPE], listener)
 
 
@@ -100,21 +104,27 @@ def _revised(
 ) -> tuple[Fit, tuple[JointOrder, ...]]:
     """The fit with joint errors as they stand beside each other, and with orders that may as well
     be theirs.
+
+    A fit that the search has bent with wrong orders shows only when refitted which it can do
+    without.
     """
-    if not orders:
-        return fit, ()
-    pairs = [(o.joint, o.order) for o in orders]
-    own = next(c for c in fit.model.corrections if c.name == JOINT_HARMONICS)
-    at, rivals = np.r_[coefficients_of(fit, own)], _rivals(cell.robot, pairs)
-    revised = revised_orders(linearised(fit), at, fit.x[at], pairs, rivals, variance_factor(fit))
-    if not revised:  # what the search has found by regions stands
-        return fit, tuple(orders)
-    every = list(dict.fromkeys(pair for each in revised for pair in each.sizes))
-    if every != pairs:
+    for _ in range(REVISIONS):
+        if not orders:
+            break
+        pairs = [(o.joint, o.order) for o in orders]
+        own = next(c for c in fit.model.corrections if c.name == JOINT_HARMONICS)
+        at, rivals = np.r_[coefficients_of(fit, own)], _rivals(cell.robot, pairs)
+        revised = revised_orders(linearised(fit), at, fit.x[at], pairs, rivals, variance_factor(fit))
+        if not revised:  # what the search has found by regions stands
+            break
+        every = list(dict.fromkeys(pair for each in revised for pair in each.sizes))
+        first = [(orders[r.number], [order for _, order in r.sizes]) for r in revised]
+        orders = [replace(o, order=n[0], aliases=tuple(sorted(n[1:]))) for o, n in first]
+        if every == orders_of(c.name for c in own.coefficients):
+            break
         listener.progress(f"fitting again with {len(revised)} revised joint errors")
         fit = refit(fit, [joint_harmonics(every, _deviations(revised))], listener)
-    first = [(orders[r.number], [order for _, order in r.sizes]) for r in revised]
-    return fit, tuple(replace(o, order=n[0], aliases=tuple(sorted(n[1:]))) for o, n in first)
+    return fit, tuple(orders)
 
 
 def _rivals(robot: Robot, pairs: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:

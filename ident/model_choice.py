@@ -9,6 +9,7 @@ and what a missing term leaves over passes for support of another.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -109,15 +110,16 @@ def candidates_left_out(result: Fit, idle: Collection[str]) -> tuple[LeftOut, ..
     """
     layout = result.model.unknowns
     gone = [
-        np.r_[coefficients_of(result, c)]
+        c
         for c in present(result)
         if c.name in idle and c.name in CORRECTIONS and c.name not in ON_EVIDENCE
     ]
     if not gone:
         return result.left_out
-    places, widening = np.concatenate(gone), variance_factor(result)
+    places = np.concatenate([np.r_[coefficients_of(result, c)] for c in gone])
+    widening = variance_factor(result)
     part = left_out(layout.names, result.x, result.covariance, places, widening)
-    return (*result.left_out, part)
+    return (*result.left_out, replace(part, corrections=tuple(gone)))
 
 
 def negative_coefficients(result: Fit, sigma: Array) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
+from ballbar.ident.corrections.base import Correction
 
 # y of joint 2 and its like: parallel to the gear of the joint before, whose compliance holds it
 TILT, COMPLIANCE = "tilt", "compliance"
@@ -31,6 +32,7 @@ class LeftOut:
     names: tuple[str, ...]  # (P,) of the unknowns that stayed
     shifts: Array  # (P, H) for independent directions of their coefficients
     sizes: Mapping[str, float]  # root mean square of what each coefficient may be
+    corrections: tuple[Correction, ...] = ()
 
     def of(self, names: Sequence[str]) -> Array:
         """(Q, H) shifts of the unknowns `names`, 0 for those that came later."""
