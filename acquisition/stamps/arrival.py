@@ -44,6 +44,7 @@ ENOUGH, MOSTLY = 0.999, 0.5  # of the links, sure ones: no second look; each tic
 WHOLE, NEAR = (0.2, 0.4), 4.0  # ticks off a whole number, at least and at most; times the noise
 SURE, LIKELY = 0.6, 0.3  # mean cosine of the phases of a region
 BETTER = 0.5  # of what the stamps leave: as much whole ticks may leave
+HALF, HALF_SHARE = 3, 0.8  # links of half ticks that make them the source's own; of those not whole
 SAMPLE = 20_000  # rows that show the period at first
 MANY = 100_000  # delays, whose mean is the usual one
 BLOCK, STEADY = 32, 0.15  # rows among which the least delay counts; ticks by which it may scatter
@@ -70,6 +71,7 @@ class _Source(NamedTuple):
     start: Array  # (F,) [ticks] time of tick 0, as it is when each row with new values arrives
     ticks: Array  # (F,) of these rows
     sigma: float  # [s] standard deviation of a row's time about its tick, by the values
+    usual: float  # ticks from one set of values to the next
 
 
 def _scaled(channels: Sequence[Array], rows: Rows) -> Array:
@@ -146,6 +148,11 @@ def _source(arrival: Array, values: Array) -> _Source | None:
         others = _some_ticks(arrival, values)
         if others[2].mean() > sure.mean() or sure.mean() < MOSTLY:
             period, count, sure, progress = others
+    usual = 1.0
+    if (half := _halves(sure, progress)).any():
+        usual, period, progress = 2.0, 0.5 * period, 2.0 * progress
+        sure = sure | half
+        count = np.where(sure, np.rint(progress), usual * count)
     every = slice(None, None, 1 + sure.size // SAMPLE)
     known, shown = sure[every], progress[every]
     if np.count_nonzero(sure) < max(FEWEST, FEW * sure.size) or not known.any():
@@ -154,17 +161,29 @@ def _source(arrival: Array, values: Array) -> _Source | None:
     stamped = np.abs((arrival[1:][every] - arrival[:-1][every]) / period - shown)[known]
     if np.mean(stamped > IRREGULAR) < SHARE or left.mean() > BETTER * stamped.mean():
         return None
-    ticks = np.concatenate(([0.0], np.cumsum(np.where(sure, count, 1.0))))
+    ticks = np.concatenate(([0.0], np.cumsum(np.where(sure, count, usual))))
     period = _refined(arrival, ticks, sure, period)
     period, phase, prompt, block = _blocks(arrival, ticks, period)
     start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
     ticks += missed_ticks(arrival / period - start - ticks, sure, block)
-    period, ticks = _settled(arrival, values, ticks, period, block, (sure, progress))
+    period, ticks = _settled(arrival, values, ticks, period, usual, block, (sure, progress))
     if np.mean(np.diff(ticks) <= 0.0) > SHARE:  # rows of one tick: more than one source
         return None
     period, start = _line(arrival, ticks, period, block)
     sigma = period * float(np.sqrt(0.5 * np.mean(left**2)))
-    return _Source(period, start, ticks, sigma)
+    return _Source(period, start, ticks, sigma, usual)
+
+
+def _halves(sure: Mask, progress: Array) -> Mask:
+    """(F-1,) links between sure ones that are an odd number of half ticks; none if others are not.
+
+    A task of half the period that runs over puts its values off by one of its own ticks.
+    """
+    between = np.zeros(sure.size, dtype=bool)
+    between[1:-1] = ~sure[1:-1] & sure[:-2] & sure[2:] & (progress[1:-1] > 1.0)
+    half = between & (np.abs(progress - np.floor(progress) - 0.5) < 0.5 * WHOLE[0])
+    rule = np.count_nonzero(half) >= max(HALF, HALF_SHARE * np.count_nonzero(between))
+    return half if rule else np.zeros(sure.size, dtype=bool)
 
 
 def _some_ticks(arrival: Array, values: Array) -> tuple[float, Array, Mask, Array]:
@@ -322,12 +341,13 @@ def _settled(
     values: Array,
     ticks: Array,
     period: float,
+    usual: float,
     block: int,
     links: tuple[Mask, Array],
 ) -> tuple[float, Array]:
     """[s] period and (F,) ticks of the most likely sequence.
 
-    arrival : (F,) [s]. values : (C, F). ticks : (F,) about. block : rows among which one is hardly
+    arrival : (F,) [s]. values : (C, F). ticks : (F,) about; usual : of a link. block : rows among which one is hardly
     late. links : of the links, which are sure, and their progress. Each pass looks at some ticks on
     either side of what the one before has found. Where rests leave many links unsure, the period
     depends on how they are counted: the first pass tries some ticks more and less in the whole log.
@@ -347,7 +367,7 @@ def _settled(
         more = np.repeat(begun, np.diff(first, append=late.size), axis=1)  # (K, F)
         for _ in range(REPEATS if search else 1):
             counts, delay = (count + np.diff(more))[:, link], late + further * share - more
-            change, cost = likeliest_ticks(delay, link, counts, progress[link], sigma)
+            change, cost = likeliest_ticks(delay, link, counts, progress[link], sigma, usual)
             more += change
         best = int(cost.argmin())
         ticks, period = ticks + more[best], period * (1.0 - float(further[best, 0]) / ticks[-1])
@@ -379,7 +399,7 @@ def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
     new, at = _scaled(channels, fresh), arrival[fresh] if fresh.size < arrival.size else arrival
     if not len(new) or (source := _source(at, new)) is None:
         return None
-    period, start, ticks, sigma = source
+    period, start, ticks, sigma, each = source
     forward = np.concatenate(([True], ticks[1:] > np.maximum.accumulate(ticks)[:-1]))
     if not forward.all():
         fresh, new = fresh[forward], new[:, forward]
@@ -389,7 +409,7 @@ def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
     delays = np.sort(late[:: 1 + late.size // MANY])
     usual = float(delays[delays.size // 10 : delays.size - delays.size // 10].mean())
     time = (np.interp(tick, ticks, start) + tick) * period + usual
-    return _Times(row, time, period, sigma, float(late.max()) - usual, torn)
+    return _Times(row, time, each * period, sigma, float(late.max()) - usual, torn)
 
 
 def _irregular(step: Array) -> bool:

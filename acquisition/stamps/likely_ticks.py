@@ -48,7 +48,7 @@ def links_sigma(values: Array, count: Array, sure: Mask, off: Array) -> Array:
 
 
 def likeliest_ticks(
-    late: Array, link: Rows, count: Array, progress: Array, sigma: Array
+    late: Array, link: Rows, count: Array, progress: Array, sigma: Array, usual: float = 1.0
 ) -> tuple[Array, Array]:
     """(K, F) whole ticks by which rows most likely differ from each of K counts (Viterbi 1967).
 
@@ -57,6 +57,7 @@ def likeliest_ticks(
 
     late : (K, F) [ticks] of arrivals after the counted ticks. link : (L,) links that are not sure.
     count : (K, L) ticks of these as counted. progress, sigma : (L,) by their values.
+    usual : ticks of a link.
     """
     change = np.arange(-CHANGES, CHANGES + 1.0)
     first = np.concatenate(([0], link + 1))
@@ -68,7 +69,7 @@ def likeliest_ticks(
         part = np.s_[begin : begin + _CHUNK, None, None, None]
         n = count.T[begin : begin + _CHUNK, :, None, None] + apart
         off = (progress[part] - n) / sigma[part]
-        step = np.minimum(0.5 * off * off, WORST) + np.minimum(MISSED * np.abs(n - 1.0), WORST)
+        step = np.minimum(0.5 * off * off, WORST) + np.minimum(MISSED * np.abs(n - usual), WORST)
         step[n < fewest[part]] = IMPOSSIBLE
         for k, steps in enumerate(step, begin):
             total = best[:, :, None] + steps

@@ -95,6 +95,21 @@ def test_rows_that_come_in_bursts_get_the_times_of_their_source(seed: int, lates
     assert kinds(result) == {"stamps of arrival": ROWS}
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_task_that_runs_over_puts_the_rows_after_it_off_by_half_a_period(seed: int) -> None:
+    """Values of every second task, now and then of the third: 22 times in 4000 rows."""
+    rng = np.random.default_rng(seed)
+    t = 0.005 * np.cumsum(2 + (rng.random(4000) < 0.005))
+    angles = joint_trajectory(t) + rng.normal(0.0, 2e-6, (t.size, 6))
+    arrival = t[np.minimum(np.arange(t.size) // 12 * 12 + 11, t.size - 1)]
+    arrival = arrival + 2e-5 * (np.arange(t.size) % 12)
+    result = with_source_times(table(arrival, angles), NAMES)
+    assert len(result) == t.size
+    assert off(result, t).max() < 1e-3  # 2.5e-3 and more where a row is one task off
+    (finding,) = result.findings
+    assert "from a source with new values every 10 ms" in finding.sentence
+
+
 def test_the_usual_delay_is_left_to_the_clock() -> None:
     """The mean of the delays without the longest and the shortest tenth stays in the times."""
     t, angles = source()
