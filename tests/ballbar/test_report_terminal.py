@@ -69,8 +69,8 @@ def test_a_comparison_of_results_of_poses_lists_what_differs() -> None:
     )
     assert lines[1] == "mean error by cross-validation: 0.0250 and 0.0350 mm"
     assert lines[2].endswith(
-        "5 um or 25 urad: ra3 -0.1250 mm (z -6.0) (10 compared; sigma without what the model leaves "
-        "unexplained)"
+        "5 um or 25 urad: ra3 -0.1250 mm (z -6.0) (10 compared; sigma without what the model "
+        "leaves unexplained)"
     )
     assert lines_of(say_comparison, of_poses(predicted=())) == [
         f"TCP error within the fitted ranges: {errors}"
