@@ -117,7 +117,7 @@ def given() -> PathPlan:
 
 
 def written(say: Callable[..., None], *shown: object) -> str:
-    """What a summary prints, in lines of 200 characters."""
+    """The text that a summary prints, in lines of 200 characters."""
     text = io.StringIO()
     say(Console(file=text, width=200), *shown)
     return text.getvalue()
@@ -257,7 +257,7 @@ def drawn(draw: Callable[..., None], *shown: object) -> Axes:
 
 
 def test_the_sphere_keeps_areas(given: PathPlan) -> None:
-    """Of Lambert's projection r = 2 sin(angle / 2); circles stand at 30, 60, 90 and 120 degrees."""
+    """Lambert's projection has r = 2 sin(angle / 2); circles stand at 30, 60, 90, 120 degrees."""
     line, *circles = drawn(picture._sphere, given).lines
     z = bar_frames(given.trajectory.nominal, given.trajectory.b).z[2]
     angle = np.arctan2(np.hypot(z[0], z[1]), z[2])

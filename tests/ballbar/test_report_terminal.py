@@ -30,7 +30,7 @@ def tcp(mean: float, largest: float, without: float = 0.0) -> Stub:
 
 
 def comparison(**changes: Any) -> Stub:
-    """Of two robots at their flanges, as far as it is printed."""
+    """A comparison of two robots at their flanges, as far as it is printed."""
     base = {
         "target": "", "tcp": tcp(12.34, 45.67, 8.9), "tcp_nominal": tcp(1234.5, 4567.8),
         "deviations": {"ra2": 1.5e-5, "rtheta3": -4e-5}, "largest": ("rtheta3", -4e-5),

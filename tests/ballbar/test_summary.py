@@ -191,7 +191,7 @@ def test_the_subtitle_says_what_measured() -> None:
 
 
 def test_residuals_are_root_mean_squares_before_and_after() -> None:
-    """Of columns of norm 3 and 4 um: the root of 12.5."""
+    """Rows of norm 3 and 4 um have the root of 12.5."""
     _, _, residual, iterations, samples = page._tiles(recorded(), view(against_truth=True))
     assert residual.value == "3.54 → 0.354 µm"
     assert residual.note == "angle 10.0 → 1.00 µrad"

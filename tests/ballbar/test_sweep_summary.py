@@ -1,4 +1,4 @@
-"""What `ballbar sweep` prints of its table, and which chunk has which run."""
+"""The summary that `ballbar sweep` prints of its table, and which chunk has which run."""
 
 from __future__ import annotations
 

@@ -121,7 +121,6 @@ def test_the_prediction_is_the_bound_of_fits_afterwards(
     )  # noise levels are estimated there, assumed here
 
 
-@pytest.mark.slow
 def test_better_sensors_never_predict_less(evaluator: Evaluator, trajectory: Trajectory) -> None:
     still = np.zeros(trajectory.t.size)
 
@@ -209,7 +208,6 @@ def test_capsules_are_as_far_apart_as_two_segments(
     assert found.distance == pytest.approx(apart, abs=1e-3)  # points 1 mm apart
 
 
-@pytest.mark.slow
 def test_a_request_that_cannot_be_met_says_why() -> None:
     cell = PlanCell(robot="irb2400", ballbar="lund_600", ballbar_position_m=(3.5, 0.0, 0.5))
     far = request().model_copy(update={"cell": cell})
@@ -219,7 +217,6 @@ def test_a_request_that_cannot_be_met_says_why() -> None:
         first_path(evaluators(far), seconds=1.0)
 
 
-@pytest.mark.slow
 def test_another_rod_is_taken_where_the_first_one_allows_nothing() -> None:
     requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
     requested = requested.model_copy(
@@ -311,7 +308,6 @@ def test_a_program_for_a_telescoping_bar_leaves_the_servo_as_it_is(
     assert "ball-bar" not in text
 
 
-@pytest.mark.slow
 def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, PathCandidate]) -> None:
     evaluator, candidate = runnable
     trajectory = evaluate(evaluator, candidate).trajectory
@@ -400,7 +396,6 @@ def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
     assert seen == sorted(seen, reverse=True)
 
 
-@pytest.mark.slow
 def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, PathCandidate]) -> None:
     evaluator, candidate = runnable
     plan = assess(evaluator, candidate)

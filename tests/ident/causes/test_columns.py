@@ -61,12 +61,10 @@ def test_unlike_ratios_must_leave_a_tenth_of_what_is_declared(noise: float, name
     assert bool(encoder_scales(replace(warped, readings=warped.readings + off), TOOL)) == named
 
 
-@pytest.mark.slow
 def test_no_other_columns_of_a_sound_robot_are_nearer_to_a_sphere() -> None:
     assert robot_columns(CELL.robot, NOMINAL, motion(), TOOL.rms) == []
 
 
-@pytest.mark.slow
 def test_without_encoders_a_reading_leaves_its_distance_from_the_sphere() -> None:
     """A share of the rod: axis 1 alone turns backwards, which no other reading puts right."""
     read = PATH.q * np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])

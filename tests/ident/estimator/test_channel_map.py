@@ -186,7 +186,7 @@ def test_a_matrix_of_a_cross_product_is_that() -> None:
 
 @pytest.mark.parametrize("points", [0, 3])
 def test_a_spline_of_a_pose_gives_rotation_and_rate(points: int) -> None:
-    """Of a body that turns about a fixed axis, whose rate is known in closed form."""
+    """The rate of a body that turns about a fixed axis is known in closed form."""
     fine = np.linspace(-1.0, 6.0, 3001)
     point, vector, _ = body(fine)
     channels = np.hstack([point[:, :points], Rotation.from_rotvec(vector).as_quat()])

@@ -145,7 +145,7 @@ def residuals(
 def test_what_the_sensors_do_not_explain_is_the_rest_of_the_variance(
     turns: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of 5 um where the sensors make 3: 4; the fit takes a tenth, poses count by their weights."""
+    """Where the sensors make 3 of 5 um it is 4; the fit takes a tenth of the variance."""
     monkeypatch.setattr(robust_fit, "determined", lambda *_: 60.0)
     rng = np.random.default_rng(6)
     fair = residuals(rng, 40_000, (5e-6, 5e-6), turns=turns)
