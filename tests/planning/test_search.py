@@ -85,7 +85,7 @@ def test_a_search_descends_to_the_least_value_and_counts_what_it_tried(
     shown = list[float]()
     first = start(0.8, space)
     found = search(
-        requested, pool, seconds=60.0, evaluations=2500, first=[first], hints=[],
+        requested, pool, seconds=60.0, evaluations=4000, first=[first], hints=[],
         show=lambda progress: shown.append(progress.least),
     )  # fmt: skip
     assert found.best is not None
@@ -93,7 +93,7 @@ def test_a_search_descends_to_the_least_value_and_counts_what_it_tried(
     assert shown == sorted(shown, reverse=True)
     drawn = 16 * searching.DRAWS
     assert sum(pool.asked) == found.evaluated - drawn + 1
-    assert 2500 <= found.evaluated - drawn < 2500 + 200
+    assert 4000 <= found.evaluated - drawn < 4000 + 200
     objectives = [one.objective for one in found.incumbents]
     assert objectives == sorted(objectives, reverse=True)
     assert found.feasible > len(objectives)
