@@ -365,7 +365,6 @@ def plc_behind(meddle: Callable[[Sequence[bytes]], bytes]) -> Iterator[tuple[Plc
         yield plc, PlcSource(memory, lines=3600)
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("brisk")
 def test_what_a_plc_says_of_its_variable_may_be_damaged_or_in_any_encoding() -> None:
     """A comment in UTF-8, or noise, ended the recording with an error of decoding."""
@@ -389,7 +388,6 @@ def test_what_a_plc_says_of_its_variable_may_be_damaged_or_in_any_encoding() -> 
     assert opened > 5
 
 
-@pytest.mark.slow
 def test_two_recorders_of_one_plc_each_get_all_that_it_makes(tmp_path: Path) -> None:
     with Plc(loopback_address(), 1000) as plc:
         recordings = [
@@ -411,7 +409,6 @@ def test_two_recorders_of_one_plc_each_get_all_that_it_makes(tmp_path: Path) -> 
     assert [(one.progress[0].segments, one.progress[0].lost) for one in recordings] == [(1, 0)] * 2
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("brisk")
 @pytest.mark.parametrize("other_encoders", [False, True])
 def test_another_plc_at_the_same_address_is_a_file_of_its_own_or_refused(
