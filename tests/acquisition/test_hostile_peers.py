@@ -250,9 +250,16 @@ def test_a_hostile_plc_neither_ends_nor_fills_the_recorder(
     address = f"127.{1 + pid // 62500 % 250}.{1 + pid // 250 % 250}.{1 + pid % 250}"
     command = [sys.executable, "-m", "ballbar", "record", str(tmp_path / "r")]
     command += ["--robot", "irb2400", "--ballbar", "lund_600", "--plc", f"{address}.1.1"]
-    with hostile_plc(address, serve), (tmp_path / "said").open("wb") as said:
+    served = threading.Event()
+
+    def serve_and_say(client: socket.socket) -> None:
+        serve(client)
+        served.set()
+
+    with hostile_plc(address, serve_and_say), (tmp_path / "said").open("wb") as said:
         recorder = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT)
-        time.sleep(5.0)
+        assert served.wait(60.0)
+        time.sleep(1.0)  # in which it would fill its memory
         assert recorder.poll() is None, (tmp_path / "said").read_text()
         # of the program itself; the usage of a child begins with what its parent holds
         status = Path(f"/proc/{recorder.pid}/status").read_text()
