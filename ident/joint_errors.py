@@ -114,7 +114,8 @@ def _revised(
         pairs = [(o.joint, o.order) for o in orders]
         own = next(c for c in fit.model.corrections if c.name == JOINT_HARMONICS)
         at, rivals = np.r_[coefficients_of(fit, own)], _rivals(cell.robot, pairs)
-        revised = revised_orders(linearised(fit), at, fit.x[at], pairs, rivals, variance_factor(fit))
+        model, widening = linearised(fit), variance_factor(fit)
+        revised = revised_orders(model, at, fit.x[at], pairs, rivals, widening)
         if not revised:  # what the search has found by regions stands
             break
         every = list(dict.fromkeys(pair for each in revised for pair in each.sizes))

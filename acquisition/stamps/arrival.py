@@ -347,9 +347,9 @@ def _settled(
 ) -> tuple[float, Array]:
     """[s] period and (F,) ticks of the most likely sequence.
 
-    arrival : (F,) [s]. values : (C, F). ticks : (F,) about; usual : of a link. block : rows among which one is hardly
-    late. links : of the links, which are sure, and their progress. Each pass looks at some ticks on
-    either side of what the one before has found. Where rests leave many links unsure, the period
+    arrival : (F,) [s]. values : (C, F). ticks : (F,) about. usual : of a link. block : rows among
+    which one is hardly late. links : of the links, which are sure, and their progress. Each pass
+    looks at some ticks on either side of what the one before has found. Where rests leave many links unsure, the period
     depends on how they are counted: the first pass tries some ticks more and less in the whole log.
     """
     for turn in range(PASSES):
