@@ -349,8 +349,9 @@ def _settled(
 
     arrival : (F,) [s]. values : (C, F). ticks : (F,) about. usual : of a link. block : rows among
     which one is hardly late. links : of the links, which are sure, and their progress. Each pass
-    looks at some ticks on either side of what the one before has found. Where rests leave many links unsure, the period
-    depends on how they are counted: the first pass tries some ticks more and less in the whole log.
+    looks at some ticks on either side of what the one before has found. Where rests leave many
+    links unsure, the period depends on how they are counted: the first pass tries some ticks more
+    and less in the whole log.
     """
     for turn in range(PASSES):
         sure, progress = links
