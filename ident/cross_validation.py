@@ -15,6 +15,10 @@ nothing to gain across the rod. Where nothing but lengths were measured, the reg
 therefore those of a joint error of the size that explains the residuals along the rod, in place of
 the variance along the rod, which holds the noise of an instrument that measures no points.
 
+Pictures tell the noise of their corners themselves. What they leave over beyond chance is judged by
+the errors of a region together, for what is uncertain of the robot there is common to them; and a
+factor below 1, which corrects a noise that was declared too large, is chance.
+
 Of a robot that moved the rows are many, and their white noise is seen from one to the next: it is
 no error of the robot, and what is stated of the tool is without it.
 """
@@ -57,6 +61,7 @@ SEEN = {1: 0.2, 2: 0.6, 3: 0.8}
 # Least factor of the regions of points where rods alone judge: joint errors differ from place to
 # place, and the rods do not show by how much.
 FACTOR_OF_RODS = 1.6
+CHANCE = 2.0  # deviations of an estimated variance that are not counted
 REGIONS, PLACES = "in regions of joint space", "at places"  # that were not fitted
 SAME_PLACE = 0.15  # [m] between seats that see the robot from one place
 BLOCKS = 32  # regions whose poses share what the model leaves over
@@ -154,6 +159,8 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     ]
     rests = [row(point.closure.error) for point, row in pairs]
     spreads = [spread_of(move, fit.covariance) for move in moves]
+    weighted = [robust > 0.0 for robust in equations.robust[fit.still]]
+    together = [list[tuple[Array, Array]]() for _ in points]
     for number in np.unique(fold):
         held = np.split(fold == number, ends)
         step, covariance = _without(fit, held)
@@ -161,7 +168,10 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
             rest[:, own] += np.einsum("pen,p->en", move[:, :, own], step)
             if points[n].still.common is not None:  # its readings tell their own noise
                 spreads[n][own] = spread_of(move[:, :, own], covariance)
-    weighted = [robust > 0.0 for robust in equations.robust[fit.still]]
+                each = own & weighted[n]
+                noise = _reading_noise(points[n], len(rest))[each]
+                joint = _joint_covariance(move[:, :, each], covariance, noise)
+                together[n].append((rest[:, each].ravel(), joint))
     judged = list(zip(rests, spreads, weighted, strict=True))
     count = sum(rest[:, k].size for rest, _, k in judged)
     known = sum(float(np.trace(s[k], axis1=1, axis2=2).sum()) for _, s, k in judged)
@@ -169,13 +179,15 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     declared = min(float(p.position_sigma.min()) for p in points)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
     white, ratios = 0.0, list[Array]()
-    for point, (rest, spread, k) in zip(points, judged, strict=True):
+    told = any(p.still.common is not None for p in points)
+    for point, (rest, spread, k), parts in zip(points, judged, together, strict=True):
         beyond, own = variance, spread[k]
         if point.still.common is None:
             white += _white(point, rest[:, k], k)
         else:
             own = own + _reading_noise(point, len(rest))[k]
-            beyond = variance_beyond(rest[:, k], own)
+            beyond, chance = variance_beyond(parts)
+            beyond = max(0.0, beyond - CHANCE * chance)
             explained = np.trace(spread[k], axis1=1, axis2=2).sum() + beyond * rest[:, k].size
             white += float((rest[:, k] ** 2).sum() - explained)
         ratios.append(mahalanobis(rest[:, k], own, beyond) / chi_square_quantile(LEVEL, len(rest)))
@@ -185,7 +197,7 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
         counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
         white=float(np.sqrt(min(max(white, 0.0) / count, variance))),
-        factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
+        factor=max(float(np.quantile(np.concatenate(ratios), LEVEL)), 1.0 if told else 0.0),
         of_points=0.0 if only_lengths(table) else float(np.sqrt(variance)),
         joint_sigma=_joint_sigma(fit) if only_lengths(table) else 0.0,
         play=_play(table.robot),
@@ -221,6 +233,18 @@ def _reading_noise(point: Evaluation, directions: int) -> Array:
     group = point.still
     noise = point.target_closure.sensor_columns(group.sigma, group.factor)[:, :directions]
     return np.asarray(np.einsum("kcn,kdn->ncd", noise, noise))
+
+
+def _joint_covariance(moves: Array, covariance: Array, noise: Array) -> Array:
+    """(E N, E N) [m^2] covariance of positions that were left out together, N of each direction.
+
+    moves : (P, E, N) per unit of each unknown. covariance : (P, P). noise : (N, E, E) of each.
+    """
+    p, e, n = moves.shape
+    flat, each = moves.reshape(p, -1), np.arange(n)
+    out = (flat.T @ covariance @ flat).reshape(e, n, e, n)
+    out[:, each, :, each] += noise
+    return np.asarray(out.reshape(e * n, e * n))
 
 
 def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array]:
@@ -265,7 +289,7 @@ def _joint_sigma(fit: Fit) -> float:
     along = [(move**2).sum(axis=0).mean(axis=0) for move in moves]
     lever = float(np.concatenate(along).mean())  # [m^2]
     noise = float((np.concatenate([p.position_sigma for p in points]) ** 2).mean())
-    chance = 2.0 * np.sqrt(2.0 / fit.model.poses.size) * noise
+    chance = CHANCE * np.sqrt(2.0 / fit.model.poses.size) * noise
     seen = SEEN[min(len(fit.model.unknowns.seats), max(SEEN))]
     return float(np.sqrt(max(fit.excess.position**2 - chance, 0.0) / (seen * lever)))
 
