@@ -191,17 +191,26 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
             explained = np.trace(spread[k], axis1=1, axis2=2).sum() + beyond * rest[:, k].size
             white += float((rest[:, k] ** 2).sum() - explained)
         ratios.append(mahalanobis(rest[:, k], own, beyond) / chi_square_quantile(LEVEL, len(rest)))
+    ratio = np.concatenate(ratios)
     return CrossValidation(
         left_out=left_out,
         error=np.concatenate([np.linalg.norm(rest, axis=0) for rest in rests]),
         counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
         white=float(np.sqrt(min(max(white, 0.0) / count, variance))),
-        factor=max(float(np.quantile(np.concatenate(ratios), LEVEL)), 1.0 if told else 0.0),
+        factor=_factor_beyond_chance(ratio) if told else float(np.quantile(ratio, LEVEL)),
         of_points=0.0 if only_lengths(table) else float(np.sqrt(variance)),
         joint_sigma=_joint_sigma(fit) if only_lengths(table) else 0.0,
         play=_play(table.robot),
     )
+
+
+def _factor_beyond_chance(ratio: Array) -> float:
+    """Factor of the regions, at least 1, by squared distances over the quantile of chi-square (N,):
+    that of the share which is a deviation by chance below LEVEL.
+    """
+    chance = np.sqrt(LEVEL * (1.0 - LEVEL) / ratio.size)
+    return max(1.0, float(np.quantile(ratio, LEVEL - chance)))
 
 
 def _play(robot: Robot) -> float:
@@ -297,7 +306,8 @@ def _joint_sigma(fit: Fit) -> float:
 def robust_covariance(fit: Fit) -> Array:
     """(P, P) covariance of the unknowns where neighbouring poses share what the model leaves over.
 
-    Sums of the scores over blocks (sandwich form: White 1982), which are regions of joint space. A
+    Sums of the scores over blocks (sandwich form: White 1982), which are regions of joint space;
+    of the variance that they show the deviation by chance of so many blocks is not counted. A
     region that is visited early and late averages over what a clock is seen by: for the clocks of
     what followed a moving robot the estimates without each block of time count too, as the few
     blocks that they are (variance of Student's distribution).
@@ -314,6 +324,8 @@ def robust_covariance(fit: Fit) -> Array:
     sums = np.zeros((layout.count, blocks.max() + 1))
     np.add.at(sums.T, blocks, scores.T)
     inflation = inflation_factors(fit.covariance, scores @ scores.T, sums)
+    chance = np.sqrt(2.0 / sums.shape[1])
+    inflation = np.sqrt(np.maximum(1.0, inflation**2 - chance))
     prior = fit.covariance @ (fit.covariance / layout.sigma[:, None] ** 2)
     data = fit.covariance - prior
     inflation = np.maximum(inflation, _inflation_in_time(fit, np.diag(data)))
