@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ballbar.acquisition.bundle import Bundle, Pictures, adjusted, counted, prior_of
+from ballbar.acquisition.picture_start import _focused, _started, bundle, homography
 from ballbar.cell.board import BoardFile, board_of
 from ballbar.cell.camera import Camera, Lens
 
@@ -136,3 +137,77 @@ def test_a_corner_that_is_far_off_is_left_out_and_the_noise_is_that_of_the_other
     assert ended.used.tolist() == [k != 6 for k in range(COUNT)]
     assert ended.counting[[0, 1, 3, 5, 7, 8]].all()
     assert ended.sigma == pytest.approx(NOISE, rel=0.1)
+
+
+def test_a_homography_is_that_of_the_points_that_agree() -> None:
+    """Exact points, of which 6 of 35 are elsewhere; a map is known up to its size."""
+    rng = np.random.default_rng(7)
+    true = np.array([[1.1, 0.1, 0.2], [-0.2, 0.9, -0.1], [0.15, -0.25, 1.0]])
+    points = rng.uniform(-1.0, 1.0, (35, 2))
+    image = np.column_stack((points, np.ones(35))) @ true.T
+    images = image[:, :2] / image[:, 2:]
+    images[[3, 8, 13, 18, 23, 28]] += rng.uniform(0.2, 1.0, (6, 2))
+    found = homography(points, images)
+    assert found / found[2, 2] == pytest.approx(true, abs=1e-9)
+
+
+def test_noise_of_a_homography_is_averaged_over_all_points_that_agree() -> None:
+    rng = np.random.default_rng(9)
+    points = rng.uniform(-1.0, 1.0, (200, 2))
+    found = homography(points, points + 1e-3 * rng.standard_normal((200, 2)))
+    # four of the eight numbers move a middling point; 400 values tell them to 1e-3 / sqrt(50)
+    assert found / found[2, 2] == pytest.approx(np.eye(3), abs=5e-4)
+
+
+def test_poses_of_flat_boards_follow_from_their_homographies() -> None:
+    """Within what 0.2 px and a bend of 0.1 mm do to a board of 0.2 m at 0.4 m."""
+    true, started = drawn(), _started(drawn())
+    turned = Rotation.from_matrix(started.rotation @ true.rotation.transpose(0, 2, 1))
+    assert np.median(turned.magnitude()) < 0.01
+    assert np.median(np.linalg.norm(started.origin - true.origin, axis=1)) < 2e-3
+    assert started.origin[:, 2].min() > 0.0, "before the camera"
+
+
+@pytest.mark.parametrize(("off", "found"), [(0.93, 1.0), (1.05, 1.0), (0.5, 0.5 * 1.15)])
+def test_focal_lengths_follow_from_the_boards_axes_within_their_prior(
+    off: float, found: float
+) -> None:
+    """Both times the same share, and never further than three standard deviations."""
+    true = drawn()
+    lens = true.lens.copy()
+    lens[:2] *= off
+    covariance = PRIOR.copy()
+    covariance[0, 0] = (0.05 * lens[0]) ** 2
+    camera = replace(true.pictures.camera, covariance=covariance)
+    start = replace(true, lens=lens, pictures=replace(true.pictures, camera=camera))
+    assert _focused(start).lens[:2] == pytest.approx(found * LENS[:2], rel=0.02)
+    assert _focused(start).lens[2:] == pytest.approx(lens[2:])
+
+
+def test_a_bundle_starts_where_an_adjustment_of_the_truth_ends() -> None:
+    true = drawn()
+    pixels = true.pictures.pixels.copy()
+    pixels[4, 7] += 25.0  # a wrong corner
+    begun = bundle(replace(true.pictures, pixels=pixels))
+    assert not begun.counting[4, 7]
+    assert begun.counting.sum() == COUNT * 35 - 2
+    turned = Rotation.from_matrix(begun.rotation @ true.rotation.transpose(0, 2, 1))
+    assert turned.magnitude().max() < 0.01
+    assert begun.sigma == pytest.approx(NOISE, rel=0.15)
+
+
+def test_which_of_two_poses_a_small_board_has_is_told_by_the_flange() -> None:
+    """From far away a board and its mirror image look alike; turns of the flange do not."""
+    true = drawn()
+    rng = np.random.default_rng(4)
+    turns = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, (COUNT, 3))).as_matrix()
+    origin = np.array([0.0, 0.0, 6.0]) + rng.uniform(-0.3, 0.3, (COUNT, 3))
+    pixels = true.pictures.camera.lens.image(
+        true.pictures.board.points @ turns[..., :2].transpose(0, 2, 1) + origin[:, None]
+    )[0]
+    pixels += NOISE * rng.standard_normal(pixels.shape)
+    pictures = replace(true.pictures, pixels=pixels, flange=turns)
+    begun = bundle(pictures)
+    off = Rotation.from_matrix(begun.rotation @ turns.transpose(0, 2, 1)).magnitude()
+    assert np.median(off) < 0.1
+    assert (off < 0.25).sum() >= COUNT - 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import threading
@@ -13,15 +14,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from rich.console import Console
 
 from ballbar.acquisition.live.file_source import FileSource
+from ballbar.acquisition.live.recorder import LiveRecording
 from ballbar.acquisition.live.source import DeviceSilentError, Tally
 from ballbar.acquisition.recording import read_recording
 from ballbar.acquisition.sources import log_source
 from ballbar.cell.errors import InputError
 from ballbar.cell.recording import load_recording_file
+from ballbar.record.show import RecordOptions, record
 from ballbar.record.terminal import status_table
 from ballbar.record.view import layout
+from ballbar.watch.beside import WatchBeside
 from tests.helpers.command_line import ballbar
 from tests.helpers.followed_robot import FollowedRobot
 
@@ -208,13 +213,24 @@ def test_a_log_of_which_nothing_comes_is_named_with_exit_code_1(logs: Path, tmp_
 
 @pytest.mark.slow
 def test_a_stream_that_stops_raises_an_alarm_while_it_is_recorded(tmp_path: Path) -> None:
-    logs = MADE.write(tmp_path / "logs", seconds=24.0)
-    with growing(logs, seconds=10.0, stops="tracker"):
-        code, text, _ = ballbar(
-            "record", tmp_path / "out", "--files", logs, "--identify", "--duration", "30"
-        )
-    assert code == 0
-    assert re.search(r"ALARM silent: raw/tracker\.csv: no new row for \d+ s", text), text
+    """The recording ends as soon as the alarm is there: five seconds behind the last row."""
+    logs = MADE.write(tmp_path / "logs", seconds=12.0)
+    options = RecordOptions(plc=None, egm=None, egm_torque=False, robot=None, ballbar=None,
+                            files=logs, identify=True)  # fmt: skip
+    raised = list[dict[str, str]]()
+
+    def until_alarm(_recording: LiveRecording, beside: WatchBeside | None) -> None:
+        assert beside is not None
+        deadline = time.monotonic() + 90.0
+        while not raised and not beside.failure and time.monotonic() < deadline:
+            time.sleep(0.1)
+            alarms = beside.latest["alarms"] if beside.latest else ()
+            raised.extend(alarm for alarm in alarms if alarm["subject"] == "raw/tracker.csv")
+
+    with growing(logs, seconds=2.0, stops="tracker"):
+        record(tmp_path / "out", options, Console(file=io.StringIO()), meanwhile=until_alarm)
+    assert raised[0]["kind"] == "silent"
+    assert re.match(r"raw/tracker\.csv: no new row for \d+ s", raised[0]["sentence"])
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
 import re
 import resource
 import signal
@@ -13,31 +11,24 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rerun as rr
 import yaml
-from rerun.chunk import RrdReader
-from rich.console import Console
 
 from ballbar.acquisition.live.ads import AdsMemory
 from ballbar.acquisition.live.egm_source import EgmSource
 from ballbar.acquisition.live.folder import CellNames, RecordingFolder, SegmentFile
 from ballbar.acquisition.live.plc_source import PlcSource
 from ballbar.acquisition.live.recorder import POLL, LiveRecording, Recorder
-from ballbar.acquisition.live.source import Batch, Progress, RecorderState, Source, Tally
+from ballbar.acquisition.live.source import Batch, RecorderState, Source, Tally
 from ballbar.acquisition.recording import read_recording
 from ballbar.cell.errors import InputError
 from ballbar.cell.load import load_robot
 from ballbar.cell.plc_ring import HEADER, LAYOUT, RING, SAMPLE
 from ballbar.cell.recording import load_recording_file
 from ballbar.cell.robot_angles import controller_to_joints
-from ballbar.record.terminal import say_recording, status_table, status_words
-from ballbar.record.view import APPLICATION, TIMELINE, LiveView, layout
-from ballbar.replay import viewer as replay_viewer
 from ballbar.sim.live.plc import loopback_address
 from tests.helpers.command_line import ballbar
 from tests.helpers.egm_robot import egm_message, frames_of
@@ -422,149 +413,12 @@ def test_a_folder_that_holds_something_is_not_recorded_into(tmp_path: Path) -> N
         RecordingFolder(tmp_path, CELL)
 
 
-@pytest.mark.parametrize(
-    ("word", "said"),
-    [
-        (0x8000, "ok"),
-        (1 << 4, "amplitude error"),
-        (1 << 3 | 1 << 14, "frequency error, invalid process data"),
-    ],
-)
-def test_status_words_are_said_in_words(word: int, said: str) -> None:
-    assert status_words(word) == said
-
-
-def test_the_table_shows_rate_losses_and_what_an_encoder_complained_of() -> None:
-    progress = Progress(
-        "ballbar",
-        RecorderState.RECORD,
-        segments=2,
-        records=1234,
-        lost=7,
-        rate=99.98,
-        heard=time.monotonic(),
-        channels=("b1", "b2"),
-        latest=np.array([1.5, -2.0]),
-        status=np.array([0x8000, 0x10]),
-        ever=np.array([0x10, 0x10]),
-        events=("PLC restarted",),
-    )
-    console = Console(file=io.StringIO(), width=100)
-    console.print(status_table([progress], 12.0))
-    say_recording(console, [progress])
-    shown = console.file.getvalue()  # type: ignore[attr-defined]
-    assert "ballbar  recording  2        1234  100.0 Hz     7     0" in shown
-    assert "b1    +1.500 deg  ok  (was: amplitude error)" in shown
-    assert "b2    -2.000 deg  amplitude error " in shown
-    assert "ballbar: segment 1 ended: PLC restarted." in shown
-    console.print(status_table([replace(progress, heard=time.monotonic() - 5.0)], 12.0))
-    # type: ignore[attr-defined]
-    assert "ballbar  silent for 5 s  2        1234           7     0" in console.file.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ([], "nothing to record"),
-        (["--plc", "192.168.1.5"], "an AMS address is NETID"),
-        (["--plc", "5.12.82.20.1.999"], "an AMS address is NETID"),
-        (["--egm", "localhost"], "give a port such as 6510"),
-        (["--egm", "70000"], "give a port such as 6510"),
-    ],
-)
-def test_options_that_cannot_be_are_refused(options: list[str], words: str, tmp_path: Path) -> None:
-    code, _, error = ballbar("record", tmp_path / "r", *NAMES, *options)
-    assert code == 2
-    assert words in error
-    assert not (tmp_path / "r").exists()
-
-
-@pytest.mark.slow
-def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(tmp_path: Path) -> None:
-    mine = tmp_path / "mine.yaml"
-    mine.write_bytes((ROOT / "cell" / "robots" / "irb2400.yaml").read_bytes())
-    folder = tmp_path / "r"
-    port = free_port()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
-        beat = threading.Event()
-
-        def send() -> None:
-            for n in range(10_000):
-                if beat.wait(0.01):
-                    return
-                robot.sendto(egm_message(n, [0.0] * 6), ("127.0.0.1", port))
-
-        sending = threading.Thread(target=send)
-        sending.start()
-        names = ("--robot", mine, "--ballbar", "lund_600")
-        code, out, _ = ballbar(
-            "record", folder, *names, "--egm", port, "--duration", "0.2", "--json"
-        )
-        beat.set()
-        sending.join()
-    assert code == 0
-    reported = json.loads(out)
-    assert reported["recording"] == str(folder)
-    assert reported["sources"]["robot"]["records"] > 5
-    assert reported["sources"]["robot"]["lost"] == 0
-    assert load_recording_file(folder).robot == "mine.yaml"
-    assert (folder / "mine.yaml").read_bytes() == mine.read_bytes()
-
-
-def test_a_viewer_that_does_not_start_is_named_before_anything_is_recorded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(replay_viewer, "_rerun", lambda: "false")
-    monkeypatch.setenv("DISPLAY", ":0")
-    code, _, error = ballbar("record", tmp_path / "r", *NAMES, "--egm", free_port(), "--live")
-    assert code == 1
-    assert "Leave out --live where there is no screen" in error
-    assert not (tmp_path / "r").exists()
-
-
-def test_without_the_extra_the_command_says_how_to_install_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delitem(sys.modules, "ballbar.acquisition.live.ads")
-    monkeypatch.setitem(sys.modules, "pyads", None)
-    code, _, error = ballbar("record", tmp_path / "r", *NAMES, "--plc", "5.12.82.20.1.1")
-    assert code == 2
-    assert "pip install 'ballbar-bench[ads]'" in error
-
-
 @pytest.mark.slow
 def test_only_one_module_needs_the_extra() -> None:
     files = [
         file for package in ("acquisition", "ballbar") for file in (ROOT / package).rglob("*.py")
     ]
     assert [file.name for file in files if "pyads" in imported(file)] == ["ads.py"]
-
-
-def test_the_live_view_shows_angles_and_faults_on_one_timeline(tmp_path: Path) -> None:
-    memory = RingMemory(Plc("", 1000, capacity=2000))
-    source = PlcSource(memory, lines=LINES)
-    source.connect()
-    stream = rr.RecordingStream(APPLICATION)
-    shown = []
-    with stream:
-        stream.save(tmp_path / "live.rrd", default_blueprint=layout([source]))
-        view = LiveView(stream)
-        for _ in range(3):
-            memory.plc.write(100)
-            shown.append(source.poll())
-            view.on_batch(source, shown[-1])
-    chunks = [
-        chunk
-        for chunk in RrdReader(tmp_path / "live.rrd").stream().filter(content="/ballbar/value")
-        if not chunk.is_static
-    ]
-    batches = [chunk.to_record_batch() for chunk in chunks]
-    angles = np.concatenate(
-        [batch.column("Scalars:scalars").flatten().to_numpy().reshape(-1, 4) for batch in batches]
-    )
-    times = np.concatenate([batch.column(TIMELINE).cast("int64").to_numpy() for batch in batches])
-    assert np.array_equal(angles, np.concatenate([batch.values[::10] for batch in shown]))
-    assert np.allclose(np.diff(times), 10e6, atol=1e3)  # 10 ms, to the microsecond
 
 
 PROGRAM = ROOT / "docs" / "plc" / "ball_bar.st"
@@ -608,23 +462,6 @@ def test_the_listing_for_the_plc_has_the_layout_that_the_recorder_reads() -> Non
     assert f"CAPACITY : UDINT := {ring.fields['sample'][0].shape[0]};" in PROGRAM.read_text()
     assert "stRing : ST_BallBarRing;" in PROGRAM.read_text()
     assert RING == "GVL_BallBar.stRing"
-
-
-def test_what_native_libraries_report_does_not_reach_standard_error(tmp_path: Path) -> None:
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import os, sys\n"
-        "from ballbar.record.terminal import quiet_libraries\n"
-        "from ballbar.terminal import err\n"
-        "with quiet_libraries():\n"
-        "    os.write(2, b'connection closed by remote\\n')\n"
-        "    print('a warning', file=sys.stderr)\n"
-        "    err.print('a line of the command')\n"
-        "os.write(2, b'afterwards\\n')\n"
-    )
-    run = [sys.executable, str(script)]
-    done = subprocess.run(run, capture_output=True, text=True, check=True)
-    assert done.stderr.split("\n") == ["a warning", "a line of the command", "afterwards", ""]
 
 
 def test_torques_come_by_egm_only_where_that_is_declared(tmp_path: Path) -> None:

@@ -30,7 +30,6 @@ def assert_as_pytcs(file: Path) -> None:
         assert np.array_equal(times, np.rint(other[name].time * 1e6).astype(np.int64))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 def test_an_export_of_every_form_holds_what_the_program_counted(form: str, tmp_path: Path) -> None:
     file = tmp_path / "scope.csv"

@@ -38,7 +38,6 @@ def test_the_unit_of_a_key_bounds_its_number(unit: str) -> None:
             made.model_validate({f"size_{unit}": value})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("value", [".nan", "-.inf", "1e300", "1e-300"])
 def test_no_number_of_a_calibration_is_beyond_every_quantity(
     tmp_path: Path, cell: Cell, nominal: Geometry, value: str

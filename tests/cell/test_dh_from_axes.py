@@ -73,7 +73,6 @@ def _unit(rng: np.random.Generator) -> Array:
     return np.asarray(v / np.linalg.norm(v))
 
 
-@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.integers(5, 8))
 def test_rows_of_any_axes_give_the_tip_of_the_product_of_exponentials(
     seed: int, joints: int

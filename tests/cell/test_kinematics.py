@@ -45,7 +45,6 @@ def mujoco_pose(plant: PlantModel, data: mujoco.MjData, site: str) -> np.ndarray
     return pose
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["irb2400", "nj220"])
 def test_mujoco_and_dh_agree_to_1e_12_on_60_perturbed_models(robot: str) -> None:
     cell = load_cell(robot, "lund_900", "plate_250")

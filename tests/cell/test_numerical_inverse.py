@@ -120,7 +120,6 @@ def test_arms_of_other_structures_have_no_closed_form_in_either_direction(robot:
     assert arm_branches(chain, np.eye(4)[None]) is None
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "seat"), [("ur10e", 0.5), ("kr10_r1100", 0.5), ("panda", 0.4)])
 def test_a_path_is_followed_without_a_jump(robot: str, seat: float) -> None:
     cell = cell_of(robot)

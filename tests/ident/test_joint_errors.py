@@ -29,7 +29,7 @@ from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 JOINT, ORDER, SIZE = 1, 17, 2.5e-4  # from 0, cycles a turn, [rad]
-OPTIONS = FitOptions(samples=600)
+OPTIONS, FEW = FitOptions(samples=600), FitOptions(samples=250)
 MODULE = importlib.import_module(
     "ballbar.ident.identify"
 )  # the package has a function of that name
@@ -128,11 +128,11 @@ def test_the_right_order_is_found_where_the_file_lists_another() -> None:
 @pytest.mark.slow
 def test_candidates_are_columns_of_the_fit_and_blocks_are_numbered_over_all_recordings() -> None:
     recordings = [
-        fit_recording(CELL, minute_logs(joint_error=(JOINT, ORDER, SIZE), seed=seed), OPTIONS)
+        fit_recording(CELL, minute_logs(joint_error=(JOINT, ORDER, SIZE), seed=seed), FEW)
         for seed in (1, 2)
     ]
     chosen = [joint_compliance(CELL.robot), joint_harmonics([(JOINT, ORDER)])]
-    pose = posed(CELL, recordings, chosen, OPTIONS)
+    pose = posed(CELL, recordings, chosen, FEW)
     model = linearised(fit := fit_pose(pose, FIRST_EXCESS))
     column = model.jacobian[fit.model.unknowns.names.index("joint2_17_cos")]
     expected = model.joints[JOINT] * np.cos(ORDER * model.angles[JOINT])

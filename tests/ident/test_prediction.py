@@ -48,7 +48,6 @@ def spoilt(growing: GrowingRecording, log: TextLog, name: str, factor: float, si
     return logs_of("recording", read_recording(growing.folder))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "factor", "words"),
     [
@@ -89,7 +88,6 @@ def test_too_few_rows_are_no_prediction(cell: Cell, logs: Logs, fitted: Recordin
     assert predict(cell, fitted, part_of(logs, fitted.clock, 0.0, 0.05), 1.0) is None
 
 
-@pytest.mark.slow
 def test_an_axis_that_is_logged_as_zero_hides_no_fault(
     cell: Cell, fitted: RecordingFit, growing: GrowingRecording
 ) -> None:

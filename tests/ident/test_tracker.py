@@ -63,7 +63,6 @@ def result(tracked: Recorded, recording: Recording) -> Identification:
     return identified(tracked, recording, log_of(recording))
 
 
-@pytest.mark.slow
 def test_the_identified_robot_is_within_the_noise_and_the_nominal_one_is_not(
     result: Identification,
 ) -> None:
@@ -103,7 +102,6 @@ def test_elastic_gears_and_a_bending_plate_are_in_the_prediction(tmp_path: Path)
     assert check.nominal.rms > 5e-4
 
 
-@pytest.mark.slow
 def test_the_clock_of_the_tracker_is_recovered(result: Identification) -> None:
     """90 um at 0.1 m/s over 685 points: 0.02 ms at the middle, about 1 ppm."""
     clock = check_of(result).identified.clock
@@ -111,7 +109,6 @@ def test_the_clock_of_the_tracker_is_recovered(result: Identification) -> None:
     assert clock.skew == pytest.approx(4e-5, abs=4e-6)
 
 
-@pytest.mark.slow
 def test_points_that_agree_are_in_the_fit_and_tell_the_scale(
     tracked: Recorded, recording: Recording, result: Identification
 ) -> None:
@@ -128,7 +125,6 @@ def test_points_that_agree_are_in_the_fit_and_tell_the_scale(
     assert error < 2.0 * result.robot.tcp_sigma.mean()
 
 
-@pytest.mark.slow
 def test_points_that_contradict_take_no_part_in_the_fit(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -175,7 +171,6 @@ def rows_of(tracked: Recorded, *, geometry: Geometry, noise: float = NOISE) -> t
     return stamps - TRACKER_EPOCH, points
 
 
-@pytest.mark.slow
 def test_a_robot_whose_axis_zero_is_off_by_a_milliradian_is_contradicted(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -204,7 +199,6 @@ def test_how_much_of_a_milliradian_frame_and_led_leave(
     np.testing.assert_allclose(left, [0.0, 0.08, 0.23, 0.14, 0.17, 0.0], atol=0.03)
 
 
-@pytest.mark.slow
 def test_gaps_of_a_hidden_led_cost_points_and_nothing_else(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -218,7 +212,6 @@ def test_gaps_of_a_hidden_led_cost_points_and_nothing_else(
     assert check.identified.rms == pytest.approx(check.noise, rel=0.05)
 
 
-@pytest.mark.slow
 def test_slow_errors_within_the_stated_accuracy_are_no_contradiction(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -235,7 +228,6 @@ def test_slow_errors_within_the_stated_accuracy_are_no_contradiction(
     assert not check_of(tighter).acceptable  # stated to be as good as its noise looks
 
 
-@pytest.mark.slow
 def test_another_motion_and_a_left_handed_frame_are_contradictions(
     tracked: Recorded, recording: Recording
 ) -> None:
@@ -246,7 +238,6 @@ def test_another_motion_and_a_left_handed_frame_are_contradictions(
         assert other.verdict.status is Status.SUSPECT
 
 
-@pytest.mark.slow
 def test_a_log_that_is_too_short_validates_nothing_and_says_so(
     tracked: Recorded, recording: Recording
 ) -> None:

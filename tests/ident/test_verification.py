@@ -39,7 +39,6 @@ def moved(**changes: float) -> Geometry:
     return TRUE.replaced({name: TRUE[name] + change for name, change in changes.items()})
 
 
-@pytest.mark.slow
 def test_an_unchanged_machine_holds(machine: Machine) -> None:
     outcome = verified(machine, TRUE)
     assert outcome.holds
@@ -47,7 +46,6 @@ def test_an_unchanged_machine_holds(machine: Machine) -> None:
     assert outcome.sentence.startswith("Holds: the loop closes to 0.0")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "kind", "name", "size"),
     [
@@ -67,7 +65,6 @@ def test_a_change_is_named_with_its_size(
     assert outcome.sentence.startswith("Changed since: ")
 
 
-@pytest.mark.slow
 def test_no_cause_is_named_that_an_unchanged_machine_would_show_as_well(
     machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,7 +77,6 @@ def test_no_cause_is_named_that_an_unchanged_machine_would_show_as_well(
     assert "No single cause" in outcome.sentence
 
 
-@pytest.mark.slow
 def test_two_changes_have_no_single_cause(machine: Machine) -> None:
     outcome = verified(machine, moved(rtheta4=1e-3, bd3=3e-4))
     assert not outcome.holds
@@ -88,7 +84,6 @@ def test_two_changes_have_no_single_cause(machine: Machine) -> None:
     assert "No single cause" in outcome.sentence
 
 
-@pytest.mark.slow
 def test_a_machine_stated_with_less_certainty_hides_what_is_below_it(machine: Machine) -> None:
     doubted = replace(machine, covariance=machine.covariance * 100.0**2)
     assert verified(doubted, moved(rtheta4=1e-4)).holds
@@ -173,7 +168,6 @@ def test_what_an_unchanged_machine_is_apart_by_from_day_to_day_is_no_change() ->
         assert honest.ranked(causes)[0].evidence < honest.limit(causes, 19)
 
 
-@pytest.mark.slow
 def test_the_limit_is_exceeded_in_as_many_draws_as_it_says() -> None:
     rng = np.random.default_rng(5)
     root = rng.standard_normal((6, 6))
@@ -198,7 +192,6 @@ def verified_drawn(machine: Machine, true: Truth, duration: float, seed: int) ->
     return verify_recording(machine, logs, options=RIPPLING)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("duration", [20.0, 30.0, 50.0])
 def test_ripple_faster_than_the_rows_is_no_exchanged_gear(
     stored: tuple[Truth, Machine], duration: float
@@ -212,7 +205,6 @@ def test_ripple_faster_than_the_rows_is_no_exchanged_gear(
     assert outcome.holds, outcome.sentence
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "size", "kind"),
     [("bd4", 2e-4, "ball-bar"), ("ra2", 5.8e-5, "geometry"), ("ra5", -6.5e-5, "geometry")],

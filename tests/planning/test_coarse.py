@@ -79,7 +79,6 @@ def _same_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coarse, "CALM", 1.0)
 
 
-@pytest.mark.slow
 def test_a_search_keeps_some_acceleration_for_what_friction_adds(
     evaluator: Evaluator, genomes: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -123,7 +122,6 @@ def test_with_more_samples_the_coarse_prediction_is_the_full_one(
     assert objectives(fine, genomes[:1])[0] == pytest.approx(full, abs=0.06)
 
 
-@pytest.mark.slow
 def test_a_candidate_counts_the_same_whoever_stands_beside_it(
     evaluator: Evaluator, genomes: Array
 ) -> None:
@@ -132,7 +130,6 @@ def test_a_candidate_counts_the_same_whoever_stands_beside_it(
     assert together == pytest.approx(apart, abs=1e-9)
 
 
-@pytest.mark.slow
 def test_runs_are_the_trajectories_of_their_candidates(
     evaluator: Evaluator, genomes: Array
 ) -> None:
@@ -160,7 +157,6 @@ def test_runs_are_the_trajectories_of_their_candidates(
             assert tension.reshape(*force.shape[:1], runs.runs, -1)[:, run] == pytest.approx(force)
 
 
-@pytest.mark.slow
 def test_what_would_be_the_best_is_looked_at_on_the_fine_grid(
     evaluator: Evaluator, genomes: Array
 ) -> None:
@@ -180,7 +176,6 @@ def test_what_would_be_the_best_is_looked_at_on_the_fine_grid(
     assert INFEASIBLE < objectives(tight, some, best=np.inf)[0] < INFEASIBLE + 0.1
 
 
-@pytest.mark.slow
 @given(st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_segments_are_no_farther_apart_than_any_of_their_points(seed: int) -> None:

@@ -71,7 +71,6 @@ def test_whole_poses_tell_more_than_points_of_the_same_noise() -> None:
     assert pose.tcp_sigma.mean() < point.tcp_sigma.mean()
 
 
-@pytest.mark.slow
 def test_a_path_for_a_tracker_is_checked_predicted_and_written(tmp_path: Path) -> None:
     request = {
         "schema": "ballbar-plan/1",
@@ -123,7 +122,6 @@ def planned(*changes: str) -> PathPlan:
     return assess(evaluator, PathCandidate(load_lissajous(SHIPPED / "irb2400_planned.yaml"), place))
 
 
-@pytest.mark.slow
 def test_a_tracker_beside_a_ball_bar_counts_in_what_is_predicted() -> None:
     """It adds information in every direction, and tells the scale, which no ball-bar does."""
     alone, both = planned(), planned("cell.tracker=tracker_point")

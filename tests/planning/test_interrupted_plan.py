@@ -30,7 +30,6 @@ def plan_into(folder: Path) -> None:
     command.make_plan(load_request(REQUEST), REQUEST, options)
 
 
-@pytest.mark.slow
 def test_ctrl_c_before_the_search_has_found_anything_keeps_the_first_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -50,7 +49,6 @@ def test_ctrl_c_before_the_search_has_found_anything_keeps_the_first_path(
     assert only.tcp.max() < 1e-3
 
 
-@pytest.mark.slow
 def test_ctrl_c_while_it_runs_in_mujoco_leaves_no_unchecked_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -65,7 +63,6 @@ def test_ctrl_c_while_it_runs_in_mujoco_leaves_no_unchecked_plan(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
 def test_answers_of_an_earlier_plan_do_not_stay_beside_the_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -61,7 +61,6 @@ def test_what_is_predicted_of_the_recording_is_what_identification_states(data: 
     assert present.without_scale.mean() == pytest.approx(without, rel=0.2)
 
 
-@pytest.mark.slow
 def test_the_prediction_does_not_depend_on_how_many_samples_were_fitted(
     recorded: Recorded, data: RunData
 ) -> None:
@@ -79,7 +78,6 @@ def test_the_prediction_does_not_depend_on_how_many_samples_were_fitted(
     assert few.sigma.mean() == pytest.approx(many.sigma.mean(), rel=0.03)
 
 
-@pytest.mark.slow
 def test_two_encoders_leave_angles_that_pass_half_a_turn(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
@@ -97,7 +95,6 @@ def test_two_encoders_leave_angles_that_pass_half_a_turn(
     assert present.sigma.mean() == pytest.approx(stated(run).sigma.mean(), rel=0.1)
 
 
-@pytest.mark.slow
 def test_a_measured_rod_brings_what_was_predicted(
     recorded: Recorded, data: RunData, steps: dict[str, NextStep]
 ) -> None:
@@ -115,7 +112,6 @@ def test_a_measured_rod_brings_what_was_predicted(
     assert steps["rod_sigma"].predicted.sigma.mean() == pytest.approx(measured, rel=0.1)
 
 
-@pytest.mark.slow
 def test_with_every_encoder_none_is_missing(steps: dict[str, NextStep]) -> None:
     assert ENCODERS not in steps
     assert set(steps) == {"rod_sigma", REPEAT, PATH}
@@ -156,7 +152,6 @@ def test_a_fifth_encoder_brings_what_was_predicted(
     assert step.predicted.without_scale.mean() == pytest.approx(five, rel=0.2)
 
 
-@pytest.mark.slow
 def test_no_step_is_advised_where_something_is_to_be_repaired_first(data: RunData) -> None:
     steps = advised_steps(data)
     assert steps.rows

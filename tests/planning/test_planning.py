@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,28 +10,22 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rich.console import Console
-from typer.testing import CliRunner
 
 from ballbar.cell.descriptions import ProgramLanguage
 from ballbar.cell.errors import DescriptionError, InputError
 from ballbar.cell.geometry import bar_frames, robot_frames
 from ballbar.cell.load import load_robot
 from ballbar.cell.robot_angles import joints_to_axes
-from ballbar.cell.strict_yaml import load_model, load_yaml
-from ballbar.commands.cli import app
 from ballbar.ident.robot.accuracy import position_sigma
 from ballbar.ident.robot.tcp_uncertainty import scale_error
-from ballbar.plan import show as command
-from ballbar.plan.summary import say_answers
 from ballbar.planning.candidate import PathCandidate, genome_of, rounded, space_of
 from ballbar.planning.clearance import clearance
 from ballbar.planning.crlb import predict
 from ballbar.planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
-from ballbar.planning.files import path_data, planned_path_data
+from ballbar.planning.files import path_data
 from ballbar.planning.force import DRAWS, predicted_forces
 from ballbar.planning.limits import violations
-from ballbar.planning.plan import PathPlan, assess, covered, first_path, hints
+from ballbar.planning.plan import assess, covered, first_path, hints
 from ballbar.planning.programs import (
     SUFFIXES,
     TELESCOPING,
@@ -46,7 +39,6 @@ from ballbar.planning.request import PlanCell, PlanLimits, PlanRequest, PlanTimi
 from ballbar.planning.search import SearchProgress, evaluating_processes, ranked, search
 from ballbar.planning.trajectory import SAG, Targets, Trajectory, targets_of, trajectories
 from ballbar.planning.verify import (
-    Check,
     checks,
     plant_errors,
     run_in_plant,
@@ -57,7 +49,7 @@ from ballbar.planning.what_if import answers
 from ballbar.planning.workspace import KeepOut
 from ballbar.scenario import load_scenario
 from ballbar.sim.errors.static_errors import THESIS_3_1, true_geometry
-from ballbar.sim.path_files import LissajousFile, load_lissajous
+from ballbar.sim.path_files import load_lissajous
 from tests.helpers.program_reader import read_krl, read_pdl2, read_rapid
 
 ROOT = Path(__file__).parents[2]
@@ -129,7 +121,6 @@ def test_the_prediction_is_the_bound_of_fits_afterwards(
     )  # noise levels are estimated there, assumed here
 
 
-@pytest.mark.slow
 def test_better_sensors_never_predict_less(evaluator: Evaluator, trajectory: Trajectory) -> None:
     still = np.zeros(trajectory.t.size)
 
@@ -217,7 +208,6 @@ def test_capsules_are_as_far_apart_as_two_segments(
     assert found.distance == pytest.approx(apart, abs=1e-3)  # points 1 mm apart
 
 
-@pytest.mark.slow
 def test_a_request_that_cannot_be_met_says_why() -> None:
     cell = PlanCell(robot="irb2400", ballbar="lund_600", ballbar_position_m=(3.5, 0.0, 0.5))
     far = request().model_copy(update={"cell": cell})
@@ -227,7 +217,6 @@ def test_a_request_that_cannot_be_met_says_why() -> None:
         first_path(evaluators(far), seconds=1.0)
 
 
-@pytest.mark.slow
 def test_another_rod_is_taken_where_the_first_one_allows_nothing() -> None:
     requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
     requested = requested.model_copy(
@@ -319,7 +308,6 @@ def test_a_program_for_a_telescoping_bar_leaves_the_servo_as_it_is(
     assert "ball-bar" not in text
 
 
-@pytest.mark.slow
 def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, PathCandidate]) -> None:
     evaluator, candidate = runnable
     trajectory = evaluate(evaluator, candidate).trajectory
@@ -408,38 +396,6 @@ def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
     assert seen == sorted(seen, reverse=True)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("violating", [0, 1, 2])
-def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
-    violating: int,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    runnable: tuple[Evaluator, PathCandidate],
-) -> None:
-    best = assess(*runnable)
-    candidate = best.evaluation.candidate
-    moved = replace(candidate, position=candidate.position + np.array([1e-3, 0.0, 0.0]))
-    found = [best, replace(best, evaluation=replace(best.evaluation, candidate=moved))]
-    monkeypatch.setattr(command, "searched", lambda *_: iter(found))
-    monkeypatch.setattr(command, "plan_picture", lambda _: b"")
-
-    def checked(plan: PathPlan, _: int) -> list[Check]:
-        return [Check("force_N", 1.0, 2.0, "N", 7 if plan in found[:violating] else 0, 10)]
-
-    monkeypatch.setattr(command, "check_in_plant", checked)
-    file, said = SCENARIOS / "plans" / "irb2400.yaml", Console(file=io.StringIO(), width=120)
-    options = command.PlanOptions(folder=tmp_path, seconds=1.0, out=said, err=said)
-    kept = command.make_plan(load_request(file), file, options)
-    assert kept == (violating < 2)
-    taken = found[min(violating, 1)].evaluation.candidate
-    assert load_model(tmp_path / "path.yaml", LissajousFile).ballbar_position_m == pytest.approx(
-        taken.position
-    )
-    assert isinstance(said.file, io.StringIO)
-    assert said.file.getvalue().count("the next best path") == min(violating, 1)
-
-
-@pytest.mark.slow
 def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, PathCandidate]) -> None:
     evaluator, candidate = runnable
     plan = assess(evaluator, candidate)
@@ -457,15 +413,6 @@ def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, PathCand
     assert tcp[6] > tcp[5]
 
 
-@pytest.mark.slow
-def test_the_table_of_what_if_states_its_units(runnable: tuple[Evaluator, PathCandidate]) -> None:
-    """Regression: rich took [um] for a style and left it out."""
-    evaluator, candidate = runnable
-    shown = io.StringIO()
-    say_answers(Console(file=shown, width=120), assess(evaluator, candidate), [])
-    assert shown.getvalue().count("[um]") == 3
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -478,31 +425,3 @@ def test_the_table_of_what_if_states_its_units(runnable: tuple[Evaluator, PathCa
 def test_a_wrong_what_if_is_refused(text: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         question(text)
-
-
-@pytest.mark.long
-def test_the_command_writes_a_scenario_that_can_be_loaded(
-    tmp_path: Path, runnable: tuple[Evaluator, PathCandidate]
-) -> None:
-    out = tmp_path / "plan"
-    request = ("plan", str(SCENARIOS / "plans" / "irb2400.yaml"), "--set", "name=mine")
-    result = CliRunner().invoke(app, [*request, "--seconds", "0", "--out", str(out)])
-    assert result.exit_code == 0, result.output
-    assert load_request(out / "request.yaml").name == "mine"
-    written = {p.name for p in out.iterdir()}
-    names = {"path.yaml", "scenario.yaml", "plan.yaml", "plan.svg", "path.csv", "request.yaml"}
-    assert written == {*names, "mine.mod"}
-    assert "mathdefault" not in (out / "plan.svg").read_text(), "numbers, not what makes them"
-    assert load_scenario(out / "scenario.yaml").path.file == "path.yaml"
-    assert "predicted TCP sigma" in result.output
-    assert "% (within 10 deg of the path; shipped plans cover 5 to 21%" in result.output
-    assert "0 of" in result.output
-    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    # the file says where the ball-bar stands
-    again = command.given_path(requested, out / "path.yaml", None)
-    assert planned_path_data(again) == load_yaml(out / "path.yaml").data
-    (out / "path.yaml").write_text(
-        (out / "path.yaml").read_text().partition("ballbar_position_m")[0]
-    )
-    with pytest.raises(InputError, match="base position of the ball-bar is not known"):
-        command.given_path(requested, out / "path.yaml", None)

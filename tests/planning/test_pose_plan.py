@@ -115,7 +115,6 @@ def keeps_limits(setup: PoseSetup, poses: Candidates) -> None:
         assert apart.min() >= setup.request.limits.clearance_m
 
 
-@pytest.mark.slow
 def test_planned_poses_of_a_tracker_keep_limits_and_line_of_sight(tracker: PosePlan) -> None:
     setup, poses = tracker.setup, tracker.poses
     keeps_limits(setup, poses)
@@ -260,7 +259,6 @@ def test_a_pose_changes_the_objective_by_what_the_update_says(seed: int) -> None
         assert after - design.objective(selected) == pytest.approx(loss[k], rel=1e-6)
 
 
-@pytest.mark.slow
 def test_an_exchange_never_makes_the_selection_worse_and_poses_stay_apart() -> None:
     setup = changed(TRACKER)
     information = information_of(setup)
@@ -277,7 +275,6 @@ def test_an_exchange_never_makes_the_selection_worse_and_poses_stay_apart() -> N
     assert (exchanged(design, start, lambda: False) == start).all()
 
 
-@pytest.mark.slow
 def test_a_plan_is_predicted_to_beat_random_poses(tracker: PosePlan, wire: PosePlan) -> None:
     assert (tracker.poses.size, wire.poses.size) == (30, 40)
     assert tracker.gain > 1.3
@@ -319,7 +316,6 @@ def test_the_real_error_follows_the_prediction(tracker: PosePlan, wire: PosePlan
     assert np.median(by_random / by_plan) > 1.4
 
 
-@pytest.mark.slow
 def test_refinement_begins_only_within_the_time_given(tracker: PosePlan) -> None:
     hurried = pose_plan(tracker.setup, seconds=0.0, since=lambda: 1.0)
     assert hurried.poses.size == 30
@@ -427,7 +423,6 @@ def test_a_program_stops_where_a_person_attaches_the_instrument(wire: PosePlan) 
         assert pose_program(language, wire).count(f"{stop} attach") == 40
 
 
-@pytest.mark.slow
 def test_a_seat_out_of_reach_says_by_how_much() -> None:
     with pytest.raises(InputError, match=r"most by reach; the target comes no closer than 2\d* mm"):
         random_candidates(socket_setup(robot="irb2400"), 100, np.random.default_rng(1))
@@ -491,7 +486,6 @@ def test_options_of_trajectories_are_refused_for_still_poses(tmp_path: Path) -> 
     assert "--what-if belongs to trajectories" in f"{done.output}{done.exception}"
 
 
-@pytest.mark.slow
 def test_planned_pictures_show_the_whole_board_and_more_than_chance(tmp_path: Path) -> None:
     """Corners by a pinhole of 69 deg across 2016 px, 8 x 6 squares of 20 mm."""
     setup = changed(PLANS / "so101_phone.yaml", poses=12, candidates=200)

@@ -436,7 +436,6 @@ def test_errors_of_a_simulated_robot_are_those_that_the_stroke_takes(
     assert "joint_compliance" in elastic["errors"]  # type: ignore[operator]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("configuration", [0, 1])
 def test_a_path_file_states_the_configuration_of_the_arm(
     evaluator: Evaluator, tmp_path: Path, configuration: int

@@ -110,23 +110,6 @@ def test_every_switchable_error_source_has_its_row_and_plot(page: str, key: str)
     assert (f"As `{AS_ANOTHER[key]}`." if key in AS_ANOTHER else first) in row
 
 
-@pytest.mark.parametrize("key", SWITCHABLE)
-def test_every_parameter_is_printed_with_the_default_and_meaning_of_its_model(
-    page: str, key: str
-) -> None:
-    row = row_of(page, AS_ANOTHER.get(key, key))
-    for name, info in SWITCHABLE[key].model_fields.items():
-        shown = printed(row, name)
-        if info.is_required():
-            assert shown == "required"
-        elif isinstance(info.default, (float, tuple)):
-            assert as_default(shown) == pytest.approx(info.default, rel=ROUNDING)
-        else:
-            assert as_default(shown) == info.default
-        meaning = (info.description or "").removesuffix(" Assumed.")
-        assert meaning.replace("|", "\\|") in row
-
-
 def test_every_key_of_a_scenario_stands_on_the_page(page: str) -> None:
     for key, info in section_fields():
         source, text = f"\n### {key}\n" in page, f"**`{key}`** "

@@ -74,7 +74,6 @@ def test_the_log_is_the_distance_from_seat_to_tool_with_noise_and_zero(
     assert abs(off.mean()) < 4.0 * off.std() / np.sqrt(off.size)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("instrument", list(CELLS))
 def test_elastic_gears_yield_to_weight_rod_and_wire(instrument: str) -> None:
     """At rest, against statics without MuJoCo: weight and pull as torques of the joints."""

@@ -208,7 +208,6 @@ def test_white_noise_has_the_asked_size(tmp_path: Path) -> None:
     assert np.concatenate([e - e.mean() for e in errors]).std() == pytest.approx(1e-5, rel=WITHIN)
 
 
-@pytest.mark.slow
 def test_low_bits_freeze_at_the_asked_speed_and_one_more_an_octave_above(tmp_path: Path) -> None:
     free, run = (
         simulated(tmp_path / n, errors=e)
@@ -382,7 +381,6 @@ def found_row(read: Recording) -> int:
     return row
 
 
-@pytest.mark.slow
 def test_robot_stamps_in_whole_milliseconds_are_the_nearest(tmp_path: Path) -> None:
     run = simulated(tmp_path, clocks={**CLOCK, "quantum": {}})
     stamps, _ = run.robot()
@@ -414,7 +412,6 @@ def lossy(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return simulated(tmp_path_factory.mktemp("lossy"), duration=60.0, clocks=clocks)
 
 
-@pytest.mark.slow
 def test_another_recording_is_of_the_same_machine_with_noise_of_its_own(tmp_path: Path) -> None:
     """Regression: two paths of one machine had the same noise, row by row."""
     drawn = {
@@ -449,7 +446,6 @@ def test_the_first_row_from_which_time_counts_is_always_written_once() -> None:
     assert hit.any(axis=0).tolist() == [False, True, True]
 
 
-@pytest.mark.slow
 def test_the_truth_counts_the_rows_that_are_lost_and_doubled(lossy: Run) -> None:
     robot, bar = np.rint(lossy.robot()[0] / PERIOD).astype(int), lossy.ballbar() // 10_000_000
     for side, place in (("robot", robot), ("ballbar", bar)):
@@ -459,7 +455,6 @@ def test_the_truth_counts_the_rows_that_are_lost_and_doubled(lossy: Run) -> None
         assert stated.duplicated == place.size - different.size
 
 
-@pytest.mark.slow
 def test_the_reader_keeps_the_first_of_two_rows_and_reports_the_gaps(lossy: Run) -> None:
     read = read_recording(lossy.folder)
     assert read.ballbar_log is not None
@@ -467,7 +462,6 @@ def test_the_reader_keeps_the_first_of_two_rows_and_reports_the_gaps(lossy: Run)
     assert {"duplicate stamp", "overrun"} <= {f.kind for f in read.report.findings}
 
 
-@pytest.mark.slow
 def test_a_restarted_logger_leaves_two_files_and_a_gap_while_counters_and_toggle_run_on(
     tmp_path: Path,
 ) -> None:
@@ -646,7 +640,6 @@ def raw(run: Run, name: str) -> bytes:
     return (run.folder / "raw" / name).read_bytes()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("source", SENSORS)
 def test_an_encoder_error_changes_nothing_but_its_own_encoders(
     source: str, plain: Run, tmp_path: Path
@@ -674,7 +667,6 @@ def test_an_encoder_error_changes_nothing_but_its_own_encoders(
         assert np.abs(difference - (added - added[0])).max() < most * COUNT
 
 
-@pytest.mark.slow
 def test_resolver_errors_leave_the_noise_of_the_robot_and_the_ballbar_alone(
     plain: Run, tmp_path: Path
 ) -> None:
@@ -698,7 +690,6 @@ def test_resolver_errors_leave_the_noise_of_the_robot_and_the_ballbar_alone(
         )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("source", GEOMETRY)
 def test_a_static_error_leaves_noise_zeros_and_clocks_alone(
     source: str, plain: Run, tmp_path: Path
@@ -718,7 +709,6 @@ def test_a_static_error_leaves_noise_zeros_and_clocks_alone(
     assert noise.std() > 1e-4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("source", STAMPS)
 def test_an_error_of_one_clock_leaves_the_other_log_and_all_noise_alone(
     source: str, plain: Run, tmp_path: Path
@@ -735,7 +725,6 @@ def test_an_error_of_one_clock_leaves_the_other_log_and_all_noise_alone(
         assert source == "wander" or (run.ballbar(name) == plain.ballbar(name)).all()
 
 
-@pytest.mark.slow
 def test_a_wandering_clock_keeps_overruns_and_encoder_noise(plain: Run, tmp_path: Path) -> None:
     run = noisy(tmp_path, "clocks", wander=STAMPS["wander"])
     rows = min(run.ballbar().size, plain.ballbar().size)
@@ -752,7 +741,6 @@ def test_a_wandering_clock_keeps_overruns_and_encoder_noise(plain: Run, tmp_path
         )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("source", ROWS)
 def test_lost_and_repeated_rows_leave_the_other_rows_as_they_were(
     source: str, plain: Run, tmp_path: Path
@@ -786,7 +774,6 @@ def test_every_stream_of_random_numbers_has_one_user() -> None:
     } <= set(names)
 
 
-@pytest.mark.slow
 def test_dropping_rows_does_not_change_which_ones_are_doubled(tmp_path: Path) -> None:
     double = noisy(tmp_path / "a", "clocks", duplicated_rows={"robot_probability": 0.2})
     both = noisy(
@@ -825,7 +812,6 @@ SIZE_ZERO: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("section", "source"), [(section, name) for section in SIZE_ZERO for name in SIZE_ZERO[section]]
 )
@@ -840,7 +826,6 @@ def test_a_source_of_size_zero_is_as_good_as_absent(
     assert (run.truth.geometry.values == plain.truth.geometry.values).all()
 
 
-@pytest.mark.slow
 def test_everything_at_once_is_in_the_truth_file_and_the_reader_copes(tmp_path: Path) -> None:
     errors = NOISY["errors"] | SENSORS | GEOMETRY | {"resolver_error": {}}
     step = {"at_s": 20.0, "step_s": 0.2}
@@ -857,7 +842,6 @@ def test_everything_at_once_is_in_the_truth_file_and_the_reader_copes(tmp_path: 
     assert {"amplitude error", "duplicate stamp", "gap"} <= kinds
 
 
-@pytest.mark.slow
 def test_without_errors_the_truth_file_says_when_the_logs_began_and_no_more(plain: Run) -> None:
     stated = yaml.safe_load(truth_path(plain.folder).read_text())["logs"]
     assert stated == {"first_rows": {"robot_s": pytest.approx(0.363), "ballbar_s": 0.5}}

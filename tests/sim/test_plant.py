@@ -64,7 +64,6 @@ def test_a_mechanism_whose_steps_jump_from_flank_to_flank_has_an_equilibrium() -
     assert run.truth.closure.position_m < 0.5e-6
 
 
-@pytest.mark.slow
 def test_a_mechanism_whose_rod_is_within_its_backlash_has_an_equilibrium() -> None:
     """Regression: full Newton steps alternate between the ends of a dead band.
 
@@ -191,7 +190,6 @@ def test_a_path_too_fast_for_an_axis_names_axis_time_and_speed(
         reference_path(cell.robot, nominal, shape, duration=12.0, dwell=1.0, stops=0, step=0.01)
 
 
-@pytest.mark.slow
 def test_a_run_whose_loop_opens_too_far_fails(
     cell: Cell, nominal: Geometry, shape: Lissajous, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -266,7 +264,6 @@ def potential(cell: Cell, geometry: Geometry, b: np.ndarray, stretch: float) -> 
     return energy
 
 
-@pytest.mark.slow
 def test_the_force_sensor_shows_what_plate_and_ball_bar_weigh_and_pull() -> None:
     """Virtual work gives the ball-bar's pull on the tool: rod force and weight of its links."""
     cell, nominal, true, _ = machine("irb2400")

@@ -228,7 +228,6 @@ def test_a_robot_without_masses_is_kinematic_and_the_sentence_says_so() -> None:
         simulated("qc20w_300", errors, plant={"kind": "mujoco"})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "section", "message"),
     [
@@ -331,7 +330,6 @@ def test_half_of_a_rods_weight_hangs_on_the_arm(elastic: TrueArm) -> None:
     assert heavy - light == pytest.approx(expected, abs=5e-8)
 
 
-@pytest.mark.slow
 def test_auto_takes_mujoco_for_a_rod_on_elastic_gears() -> None:
     simulation = simulated("qc20w_300", {"joint_compliance": JointCompliance().model_dump()})
     assert simulation.truth.plant == "mujoco"

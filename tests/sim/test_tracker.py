@@ -49,7 +49,6 @@ def true_points(done: Recorded, t: Array) -> Array:
     return np.stack([np.interp(at, motion.t[step], row) for row in there], axis=1)
 
 
-@pytest.mark.slow
 def test_it_measures_the_bent_tool_on_its_own_clock_with_the_stated_noise(
     tracked: Recorded,
 ) -> None:
@@ -62,7 +61,6 @@ def test_it_measures_the_bent_tool_on_its_own_clock_with_the_stated_noise(
     assert abs(np.corrcoef(error[1:, 0], error[:-1, 0])[0, 1]) < 0.05
 
 
-@pytest.mark.slow
 def test_the_tool_is_that_of_the_deflected_mechanism(tracked: Recorded) -> None:
     """Through a spline that passes through every step, and thus exactly there."""
     motion, rows = tracked.simulation.motion, np.arange(0, 60_000, 997)
@@ -82,7 +80,6 @@ def test_the_tool_is_that_of_the_deflected_mechanism(tracked: Recorded) -> None:
     np.testing.assert_allclose(rotation, ends.tool_rotation, atol=1e-9)
 
 
-@pytest.mark.slow
 def test_switching_it_on_leaves_every_other_log_bit_identical(
     tracked: Recorded, tmp_path: Path
 ) -> None:
@@ -102,7 +99,6 @@ def test_switching_it_on_leaves_every_other_log_bit_identical(
     assert truth == bare
 
 
-@pytest.mark.slow
 def test_another_recording_of_the_machine_has_the_same_frame_and_other_noise(
     tmp_path: Path,
 ) -> None:

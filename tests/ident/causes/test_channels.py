@@ -44,13 +44,11 @@ def changed_encoder(logs: Logs, joint: int, *, late: float = 0.0, factor: float 
     return replace(logs, ballbar=BallBarLog(log.t, angles, log.joints))
 
 
-@pytest.mark.slow
 def test_sound_recordings_have_no_such_error() -> None:
     assert named(sound(0), sound(1)) == ""
     assert named(sound(2)) == ""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("gear", [2, 6])
 def test_a_gear_of_one_recording_that_is_late_is_named(gear: int) -> None:
     text = named(sound(0), late_gear(sound(1), gear, 0.004))
@@ -66,7 +64,6 @@ def test_an_encoder_that_is_late_is_named(joint: int) -> None:
     assert f"run 2: encoder b{joint} is logged late" in named(sound(1), late)
 
 
-@pytest.mark.slow
 def test_an_encoder_that_is_scaled_is_named_with_its_remedy() -> None:
     text = named(sound(1), changed_encoder(sound(0), 2, factor=1.003))
     assert "run 2: encoder b2 is logged too large" in text

@@ -61,12 +61,10 @@ def test_unlike_ratios_must_leave_a_tenth_of_what_is_declared(noise: float, name
     assert bool(encoder_scales(replace(warped, readings=warped.readings + off), TOOL)) == named
 
 
-@pytest.mark.slow
 def test_no_other_columns_of_a_sound_robot_are_nearer_to_a_sphere() -> None:
     assert robot_columns(CELL.robot, NOMINAL, motion(), TOOL.rms) == []
 
 
-@pytest.mark.slow
 def test_without_encoders_a_reading_leaves_its_distance_from_the_sphere() -> None:
     """A share of the rod: axis 1 alone turns backwards, which no other reading puts right."""
     read = PATH.q * np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
@@ -75,3 +73,33 @@ def test_without_encoders_a_reading_leaves_its_distance_from_the_sphere() -> Non
     assert readings
     for reading in readings:
         assert reading.left == pytest.approx(reading.rms / NOMINAL["bd3"], rel=1e-9)
+
+
+def two(first: int, second: int, held: tuple[int, int]) -> LoggedMotion:
+    """Two encoders, declared as `first` and `second`, that hold the angles of others."""
+    bar = PATH.b[:, [joint - 1 for joint in held]]
+    return motion_of(PATH.t, PATH.q, PATH.t, bar, (first, second))
+
+
+def test_two_encoders_may_be_those_of_the_other_gimbal_in_either_order() -> None:
+    for held, cause in (
+        ((5, 4), "the encoders b1 and b2 are those of b5 and b4"),
+        ((4, 5), "the encoders b2 and b1 are those of b5 and b4"),
+        ((2, 1), "the columns of encoders b1 and b2 are exchanged"),
+    ):
+        orders = encoder_orders(two(1, 2, held), TOOL)
+        assert len(orders) == 3
+        best = min(orders, key=lambda order: order.left)
+        assert (best.cause, best.rms) == (cause, TOOL.rms)
+        assert best.left < 0.02
+
+
+def test_columns_in_another_order_are_named_each() -> None:
+    bar = PATH.b[:, [1, 3, 0, 4]]
+    mixed = motion_of(PATH.t, PATH.q, PATH.t, bar, ENCODERS)
+    best = min(encoder_orders(mixed, TOOL), key=lambda order: order.left)
+    assert best.cause == (
+        "the encoder columns are in another order: b1 in that of b4, b2 in that of b1, b4 in that "
+        "of b2"
+    )
+    assert best.left < 0.02

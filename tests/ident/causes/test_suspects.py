@@ -155,7 +155,6 @@ def test_a_mistake_in_the_logs_is_named_first(mistake: str) -> None:
     assert not others
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cell", "words"),
     [
@@ -173,14 +172,12 @@ def test_a_wrong_file_is_named_first(cell: Cell, words: str) -> None:
     assert str(suspects(cell, sound())[0]).startswith(words)
 
 
-@pytest.mark.slow
 def test_evidence_and_remedy_of_a_line_count_give_its_factor() -> None:
     (suspect,) = suspects(CELL, with_encoders(scaled(0, 2.0)))
     assert suspect.evidence.endswith("angle of the encoder over that of the robot's pose: b1 2.000")
     assert suspect.remedy.startswith("Multiply `lines` in recording.yaml (b1 2.000), or correct")
 
 
-@pytest.mark.slow
 def test_two_encoders_may_be_those_of_the_other_gimbal() -> None:
     logs = sound((4, 5))
     assert logs.ballbar is not None
@@ -189,7 +186,6 @@ def test_two_encoders_may_be_those_of_the_other_gimbal() -> None:
     assert suspect.cause == "the encoders b1 and b2 are those of b5 and b4"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "cause"),
     [
@@ -206,13 +202,11 @@ def test_without_encoders_the_sphere_alone_names_the_mistake(
     assert "unexplained" not in suspect.evidence
 
 
-@pytest.mark.slow
 def test_without_encoders_a_sound_log_has_no_suspect_and_another_robot_is_named() -> None:
     assert suspects(CELL, sound(())) == []
     assert str(suspects(OTHER, sound(()))[0]).startswith("this is not the log of robot nj220")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("encoders", [ENCODERS, (1, 2), (1, 2, 3, 4, 5)])
 def test_robots_that_are_not_calibrated_are_not_suspected(encoders: tuple[int, ...]) -> None:
     """DH errors of 3 mm and mrad, three times those of an industrial robot."""
@@ -283,7 +277,6 @@ def test_of_several_recordings_the_one_with_the_mistake_is_named_before_the_comp
         identify_together(CELL, [sound(), wrong], options=FEW)
 
 
-@pytest.mark.slow
 def test_a_cause_that_all_recordings_share_stands_once() -> None:
     wrong = with_encoders(exchanged(0, 1))
     causes = Causes.of(CELL, [wrong, replace(wrong, name="second")])
@@ -298,7 +291,6 @@ def test_the_limits_are_far_from_a_sound_recording_and_from_chance() -> None:
     assert len(suspects(CELL, cut(SHORT + 5.0))) == 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("logs", "channel", "size"),
     [

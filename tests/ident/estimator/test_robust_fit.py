@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.geometry import Geometry, geometry_of_chain, parameter_table, robot_geometry
 from ballbar.cell.poses import Measured, PoseTable
 from ballbar.ident.cross_validation import robust_covariance
+from ballbar.ident.estimator import robust_fit
 from ballbar.ident.estimator.build_unknowns import still_unknowns
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.model import Model, still_model
@@ -122,3 +125,73 @@ def test_errors_that_neighbouring_poses_share_inflate_the_covariance(repeated: i
     ratio = np.sqrt(np.diag(robust_covariance(fit)) / np.diag(fit.covariance))[-9:]
     # 32 regions scatter by an eighth, and no factor is below 1
     assert np.median(ratio) == pytest.approx(np.sqrt(repeated), rel=0.2)
+
+
+def residuals(
+    rng: np.random.Generator, count: int, sigma: tuple[float, float], *, turns: bool
+) -> Any:
+    """A group of poses whose sensors explain 3 um and 4 urad of each coordinate."""
+    error = np.repeat(sigma, 3)[:, None] * rng.standard_normal((6, count))
+    noise = np.repeat([3e-6, 4e-6], 3)[:, None] * np.ones(count)
+    kind = SimpleNamespace(directions=3, target_turns=turns)
+    return SimpleNamespace(
+        closure=SimpleNamespace(error=error),
+        noise_columns=lambda _: noise[None],
+        still=SimpleNamespace(kind=kind),
+    )
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_what_the_sensors_do_not_explain_is_the_rest_of_the_variance(
+    turns: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the sensors make 3 of 5 um it is 4; the fit takes a tenth of the variance."""
+    monkeypatch.setattr(robust_fit, "determined", lambda *_: 60.0)
+    rng = np.random.default_rng(6)
+    fair = residuals(rng, 40_000, (5e-6, 5e-6), turns=turns)
+    wild = residuals(rng, 40_000, (5e-3, 5e-3), turns=turns)
+    fair.closure.error *= np.sqrt(0.9)
+    linear: Any = SimpleNamespace(
+        evaluations=[fair, wild], robust=[np.ones(40_000), np.zeros(40_000)], equations=600
+    )
+    model: Any = SimpleNamespace(
+        unknowns=None, poses=SimpleNamespace(groups=[SimpleNamespace(factor=None)])
+    )
+    found = robust_fit.unexplained(model, linear, ExcessNoise())
+    assert found.position == pytest.approx(4e-6, rel=0.02)
+    assert found.rotation == (pytest.approx(3e-6, rel=0.03) if turns else 0.0)
+    fair.closure.error *= 0.5  # less than the sensors make
+    found = robust_fit.unexplained(model, linear, ExcessNoise())
+    least = robust_fit.LEAST
+    assert (found.position, found.rotation) == (least.position, least.rotation * turns)
+
+
+def test_huber_counts_poses_beyond_three_scales_less_and_gross_ones_not_at_all() -> None:
+    """By the scale of the median length, which is one of white noise."""
+    lengths = np.full(101, robust_fit.MEDIAN * 2.0)
+    lengths[:3] = robust_fit.HUBER * np.array([2.0, 3.0, 0.0])
+    lengths[2] = 2.0 * robust_fit.GROSS * 1.001
+    error = np.zeros((6, 101))
+    error[0] = np.sqrt(6.0) * lengths
+
+    class Whitening:
+        matrix = np.zeros(6)
+
+        def __call__(self, closure: Array) -> Array:
+            return closure
+
+    point = SimpleNamespace(closure=SimpleNamespace(error=error))
+    linear: Any = SimpleNamespace(evaluations=[point], weights=[Whitening()])
+    (found,) = robust_fit.robust_weights(linear)
+    np.testing.assert_allclose(found[:3], [1.0, np.sqrt(2.0 / 3.0), 0.0], atol=1e-12)
+    np.testing.assert_allclose(found[3:], 1.0)
+
+
+def test_priors_and_data_share_the_unknowns() -> None:
+    """An unknown is determined by as much as the data shrink the variance of its prior."""
+    sigma = np.array([1.0, 2.0, 10.0])
+    data = np.array([3.0, 0.0, 1.0])  # information beside the priors
+    linear: Any = SimpleNamespace(normal=np.diag(data + sigma**-2.0))
+    layout: Any = SimpleNamespace(count=3, sigma=sigma)
+    expected = 0.75 + 0.0 + 1.0 / 1.01
+    assert robust_fit.determined(linear, layout) == pytest.approx(expected)

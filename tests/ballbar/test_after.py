@@ -63,7 +63,6 @@ def test_before_the_path_the_result_is_what_is_known(plan: PathPlan) -> None:
     )
 
 
-@pytest.mark.slow
 def test_a_path_after_a_poor_result_is_worth_its_time(plan: PathPlan) -> None:
     after = given_path(request(), PATH, POSITION, knowing(plan, 9.0))
     assert worthwhile(after)
@@ -72,7 +71,6 @@ def test_a_path_after_a_poor_result_is_worth_its_time(plan: PathPlan) -> None:
     assert told(plan) == ""
 
 
-@pytest.mark.slow
 def test_where_a_path_brings_nothing_other_means_are_asked_for(plan: PathPlan) -> None:
     after = given_path(request(), PATH, POSITION, knowing(plan, 1e-3))
     assert not worthwhile(after)
