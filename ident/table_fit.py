@@ -25,7 +25,8 @@ from ballbar.ident.corrections.joint_compliance import joint_compliance
 from ballbar.ident.corrections.joint_harmonics import PRIOR, joint_harmonics
 from ballbar.ident.corrections.joint_lag import JOINT_LAG, joint_lag
 from ballbar.ident.corrections.unit_weights import unit_weights
-from ballbar.ident.cross_validation import cross_validated, robust_covariance
+from ballbar.ident.cross_validation import cross_validated
+from ballbar.ident.estimator.block_covariance import robust_covariance
 from ballbar.ident.estimator.build_unknowns import still_unknowns
 from ballbar.ident.estimator.common_scale import common_scale
 from ballbar.ident.estimator.fit import Fit
