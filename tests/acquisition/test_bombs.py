@@ -30,7 +30,6 @@ MEGABYTE = 1_000_000
 LAYOUT = Layout((",",), {"time": "decimal", "m1": "float"})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("suffix", "pack"), [(".gz", gzip.compress), (".bz2", bz2.compress), (".xz", lzma.compress)]
 )
@@ -50,7 +49,6 @@ def test_a_packed_file_that_unpacks_without_end_is_refused(
     assert read_bytes(bomb, bomb.name).raw == content
 
 
-@pytest.mark.slow
 def test_a_workbook_that_unpacks_without_end_is_refused() -> None:
     pytest.importorskip("openpyxl")
     packed = io.BytesIO()
@@ -82,7 +80,6 @@ def test_a_line_that_is_longer_than_any_of_a_log_is_refused(
         read_table(tmp_path / "a.csv", "a.csv", LAYOUT)
 
 
-@pytest.mark.slow
 def test_lines_of_nothing_but_separators_are_refused_at_once(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes((b"," * 99_000 + b"\n") * 201)
     begin = time.process_time()

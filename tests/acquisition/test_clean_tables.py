@@ -94,7 +94,6 @@ def files(count: int) -> Iterator[tuple[bytes, Layout]]:
         yield damaged(make(rng), rng), layout
 
 
-@pytest.mark.slow
 def test_what_is_read_at_once_is_what_is_read_line_by_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -466,7 +466,6 @@ def chunk(packing: str, claimed: int, data: bytes, checksum: int = 0) -> bytes:
     return b"\x89MCAP0\r\n" + b"\x06" + struct.pack("<Q", len(body)) + body
 
 
-@pytest.mark.slow
 def test_packing_bombs_are_not_unpacked(tmp_path: Path) -> None:
     import lz4.frame  # noqa: PLC0415
     import zstandard  # noqa: PLC0415
@@ -751,7 +750,6 @@ def test_scope_counters_become_encoder_angles(tmp_path: Path) -> None:
     assert np.allclose(log.t, 0.01 * np.arange(ROWS), rtol=0.0, atol=1e-15)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("family", range(7))
 def test_damaged_files_are_equal_reported_or_refused(family: int, tmp_path: Path) -> None:
     """A few files of the campaign in benchmarks.mutated_containers."""

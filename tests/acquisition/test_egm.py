@@ -107,7 +107,6 @@ def assert_as_protobuf(message: bytes) -> None:
         assert feedback_read.time_ns is None
 
 
-@pytest.mark.slow
 def test_messages_of_protobuf_are_decoded_as_protobuf_does() -> None:
     rng = np.random.default_rng(1)
     for _ in range(2000):
@@ -146,7 +145,6 @@ def test_numbers_too_long_for_their_field_keep_the_digits_that_protobuf_keeps() 
     assert_as_protobuf(part(1, b"\x08" + b"\xff" * 9 + b"\x01"))
 
 
-@pytest.mark.slow
 def test_damaged_messages_give_what_protobuf_gives_or_an_error() -> None:
     rng, equal, refused = np.random.default_rng(3), 0, 0
     for _ in range(3000):

@@ -250,9 +250,16 @@ def test_a_hostile_plc_neither_ends_nor_fills_the_recorder(
     address = f"127.{1 + pid // 62500 % 250}.{1 + pid // 250 % 250}.{1 + pid % 250}"
     command = [sys.executable, "-m", "ballbar", "record", str(tmp_path / "r")]
     command += ["--robot", "irb2400", "--ballbar", "lund_600", "--plc", f"{address}.1.1"]
-    with hostile_plc(address, serve), (tmp_path / "said").open("wb") as said:
+    served = threading.Event()
+
+    def serve_and_say(client: socket.socket) -> None:
+        serve(client)
+        served.set()
+
+    with hostile_plc(address, serve_and_say), (tmp_path / "said").open("wb") as said:
         recorder = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT)
-        time.sleep(5.0)
+        assert served.wait(60.0)
+        time.sleep(1.0)  # in which it would fill its memory
         assert recorder.poll() is None, (tmp_path / "said").read_text()
         # of the program itself; the usage of a child begins with what its parent holds
         status = Path(f"/proc/{recorder.pid}/status").read_text()
@@ -365,7 +372,6 @@ def plc_behind(meddle: Callable[[Sequence[bytes]], bytes]) -> Iterator[tuple[Plc
         yield plc, PlcSource(memory, lines=3600)
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("brisk")
 def test_what_a_plc_says_of_its_variable_may_be_damaged_or_in_any_encoding() -> None:
     """A comment in UTF-8, or noise, ended the recording with an error of decoding."""
@@ -389,7 +395,6 @@ def test_what_a_plc_says_of_its_variable_may_be_damaged_or_in_any_encoding() -> 
     assert opened > 5
 
 
-@pytest.mark.slow
 def test_two_recorders_of_one_plc_each_get_all_that_it_makes(tmp_path: Path) -> None:
     with Plc(loopback_address(), 1000) as plc:
         recordings = [
@@ -411,7 +416,6 @@ def test_two_recorders_of_one_plc_each_get_all_that_it_makes(tmp_path: Path) -> 
     assert [(one.progress[0].segments, one.progress[0].lost) for one in recordings] == [(1, 0)] * 2
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("brisk")
 @pytest.mark.parametrize("other_encoders", [False, True])
 def test_another_plc_at_the_same_address_is_a_file_of_its_own_or_refused(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import io
-import json
 import re
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from ballbar.acquisition.recording import read_recording
 from ballbar.acquisition.sources import log_source
 from ballbar.cell.errors import InputError
 from ballbar.cell.recording import load_recording_file
-from ballbar.record.show import RecordOptions, record
+from ballbar.record.show import Meanwhile, Recorded, RecordOptions, record, record_data
 from ballbar.record.terminal import status_table
 from ballbar.record.view import layout
 from ballbar.watch.beside import WatchBeside
@@ -159,6 +159,27 @@ def growing(folder: Path, *, seconds: float, stops: str = "") -> Iterator[None]:
         writing.join()
 
 
+def until(condition: Callable[[], bool]) -> None:
+    """Waits for what takes a second or some, on a busy machine much longer."""
+    deadline = time.monotonic() + 90.0
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+
+
+def recorded(logs: Path, out: Path, meanwhile: Meanwhile, *, identify: bool = False) -> Recorded:
+    """The recording of both logs, which ends when `meanwhile` does."""
+    options = RecordOptions(
+        plc=None,
+        egm=None,
+        egm_torque=False,
+        robot=None,
+        ballbar=None,
+        files=logs,
+        identify=identify,
+    )
+    return record(out, options, Console(file=io.StringIO()), meanwhile=meanwhile)
+
+
 def described(folder: Path, change: Callable[[dict[str, object]], None]) -> None:
     data = yaml.safe_load((folder / "recording.yaml").read_text())
     change(data)
@@ -180,12 +201,17 @@ def test_a_tracker_and_a_robot_are_recorded_and_can_be_identified(
 
     described(logs, own)
     out = tmp_path / "out"
-    with growing(logs, seconds=2.0):
-        code, text, _ = ballbar("record", out, "--files", logs, "--duration", "4", "--json")
-    assert code == 0
-    said = json.loads(text)
-    assert (said["missing"], said["sources"]["tracker"]["lost"]) == ([], 0)
-    assert said["sources"]["tracker"]["records"] == whole["tracker.csv"].count(b"\n") - 1
+    lines = {name: content.count(b"\n") - 1 for name, content in whole.items()}
+
+    def all_came(recording: LiveRecording, _beside: WatchBeside | None) -> None:
+        until(lambda: all(s.records == lines[f"{s.name}.csv"] for s in recording.progress))
+
+    with growing(logs, seconds=1.0):
+        made = recorded(logs, out, all_came)
+    said = record_data(out, made)
+    assert said["missing"] == []
+    sources: Any = said["sources"]
+    assert (sources["tracker"]["records"], sources["tracker"]["lost"]) == (lines["tracker.csv"], 0)
     for name, content in whole.items():
         assert (out / "raw" / name).read_bytes() == content
     read, kept = read_recording(out), load_recording_file(out)
@@ -215,20 +241,20 @@ def test_a_log_of_which_nothing_comes_is_named_with_exit_code_1(logs: Path, tmp_
 def test_a_stream_that_stops_raises_an_alarm_while_it_is_recorded(tmp_path: Path) -> None:
     """The recording ends as soon as the alarm is there: five seconds behind the last row."""
     logs = MADE.write(tmp_path / "logs", seconds=12.0)
-    options = RecordOptions(plc=None, egm=None, egm_torque=False, robot=None, ballbar=None,
-                            files=logs, identify=True)  # fmt: skip
     raised = list[dict[str, str]]()
 
-    def until_alarm(_recording: LiveRecording, beside: WatchBeside | None) -> None:
+    def alarm_raised(_recording: LiveRecording, beside: WatchBeside | None) -> None:
         assert beside is not None
-        deadline = time.monotonic() + 90.0
-        while not raised and not beside.failure and time.monotonic() < deadline:
-            time.sleep(0.1)
+
+        def here() -> bool:
             alarms = beside.latest["alarms"] if beside.latest else ()
             raised.extend(alarm for alarm in alarms if alarm["subject"] == "raw/tracker.csv")
+            return bool(raised or beside.failure)
+
+        until(here)
 
     with growing(logs, seconds=2.0, stops="tracker"):
-        record(tmp_path / "out", options, Console(file=io.StringIO()), meanwhile=until_alarm)
+        recorded(logs, tmp_path / "out", alarm_raised, identify=True)
     assert raised[0]["kind"] == "silent"
     assert re.match(r"raw/tracker\.csv: no new row for \d+ s", raised[0]["sentence"])
 

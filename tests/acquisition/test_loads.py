@@ -88,7 +88,6 @@ def loaded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     )
 
 
-@pytest.mark.slow
 def test_a_simulated_force_log_is_read_as_it_was_written(loaded: Recorded) -> None:
     recording, simulation = read_recording(loaded.folder), loaded.simulation
     sensor, true = loaded.settings.logs.force_sensor, simulation.times.robot_true
@@ -111,7 +110,6 @@ def test_a_simulated_force_log_is_read_as_it_was_written(loaded: Recorded) -> No
     assert [entry for entry in recording.report.findings if entry.file == "raw/force.csv"] == []
 
 
-@pytest.mark.slow
 def test_simulated_torques_and_forces_are_those_of_the_plant(
     loaded: Recorded, tmp_path: Path
 ) -> None:
@@ -163,7 +161,6 @@ def test_torques_behind_the_gears_are_the_same_ones(tmp_path: Path) -> None:
     assert (np.abs(axis - motor) < rounding).all()
 
 
-@pytest.mark.slow
 def test_logs_without_loads_have_none(recorded: Recorded) -> None:
     recording = read_recording(recorded.folder)
     assert recording.robot_log.torque is None

@@ -36,7 +36,6 @@ def test_the_ur5_of_the_laser_tracker(
     assert findings(read) == {}
 
 
-@pytest.mark.slow
 def test_the_ur10_of_july_has_times_and_one_cut_line(tmp_path: Path) -> None:
     read = import_poses(real_robots.ur10_a(tmp_path))
     (group,) = read.table.groups

@@ -345,7 +345,6 @@ def test_a_point_out_of_reach_is_reported_and_does_not_hide_the_others(tmp_path:
     assert list(kinds(tmp_path)) == ["point out of reach"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("shift", [0.5, 8.0])
 @pytest.mark.parametrize(
     ("behind", "said"),

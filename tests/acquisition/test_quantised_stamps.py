@@ -128,7 +128,6 @@ def test_stamps_that_are_exact_or_of_uneven_rows_stay_as_they_are(log: str) -> N
     assert spread(stamped_rows) is stamped_rows
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["late", "lost", "late, lost and written twice"])
 @pytest.mark.parametrize("events", [10, 20, 60])
 def test_exact_stamps_stay_whatever_chance_does_to_some_rows(kind: str, events: int) -> None:

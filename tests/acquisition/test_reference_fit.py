@@ -35,7 +35,6 @@ def undisturbed(kind: str, points: int, seed: int) -> tuple[Array, Array]:
     return errors(fitted(read), kind, seed)[0], errors_of_single_measurements(read, kind, seed)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "share"),
     [
@@ -72,7 +71,6 @@ def test_the_stated_deviation_is_that_of_the_error_whatever_was_declared(
     assert np.mean(scales) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("size", [2e-4, 2e-2])
 @pytest.mark.parametrize("kind", ["linear", "swinging", "jolted"])
 @every_number_of_points
@@ -138,7 +136,6 @@ def test_a_knocked_point_is_told_from_the_others(points: int, point: int, kind: 
     assert rms(errors(fit, kind, 3)[0]) < 5e-6
 
 
-@pytest.mark.slow
 def test_a_point_that_is_knocked_twice_is_three_points() -> None:
     read = readings("linear", 6, 4)
     read[40:, 1, 0] += 2e-4
@@ -149,7 +146,6 @@ def test_a_point_that_is_knocked_twice_is_three_points() -> None:
     assert fit.points.shape == (8, 3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["rest", "linear", "swinging", "jolted", "walking"])
 @every_number_of_points
 def test_no_point_is_said_to_be_knocked_that_was_not(kind: str, points: int) -> None:

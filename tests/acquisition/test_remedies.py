@@ -10,7 +10,6 @@ from ballbar.acquisition.report import REMEDIES, finding, finding_line
 from tests.helpers.source_imports import FILES, tree
 
 
-@pytest.mark.slow
 def test_every_remedy_is_of_a_kind_that_is_found() -> None:
     """A kind is a warning by its remedy, so one that is spelt otherwise would be a repair."""
     files = [file for name, file in FILES.items() if name.startswith("ballbar.acquisition.")]

@@ -282,7 +282,6 @@ FORMS = st.tuples(
 )
 
 
-@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(rows=st.lists(st.tuples(INT64, INT64, INT64), min_size=1, max_size=30), form=FORMS)
 def test_integers_written_are_the_integers_read(
@@ -298,7 +297,6 @@ def test_integers_written_are_the_integers_read(
     assert findings == []
 
 
-@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     rows=st.lists(st.tuples(FLOATS, FLOATS, FLOATS), min_size=1, max_size=30),
@@ -323,7 +321,6 @@ def written(names: tuple[str, ...], rows: list[tuple], form: tuple) -> str:
     )
 
 
-@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(cut=st.integers(0, 10_000))
 def test_a_file_cut_anywhere_gives_a_prefix_of_its_rows_or_a_refusal(

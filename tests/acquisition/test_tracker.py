@@ -52,7 +52,6 @@ def declare(folder: Path, was: str, now: str) -> None:
     (folder / "recording.yaml").write_text(text.replace(was, now))
 
 
-@pytest.mark.slow
 def test_points_are_read_in_metres_with_the_stated_accuracy(folder: Path) -> None:
     recording = read_recording(folder)
     log, rows = recording.tracker_log, np.loadtxt(lines_of(folder)[1:], delimiter=",")

@@ -54,7 +54,6 @@ def told(plan: PathPlan) -> str:
     return text.getvalue()
 
 
-@pytest.mark.slow
 def test_before_the_path_the_result_is_what_is_known(plan: PathPlan) -> None:
     known = knowing(plan, 1.0)
     evaluator = evaluators(request(), known)["lund_600"]

@@ -231,7 +231,6 @@ def test_the_report_is_one_page(fresh: Calibration, tmp_path: Path) -> None:
     assert "my_script.py" in page
 
 
-@pytest.mark.slow
 def test_a_simulation_in_memory_is_that_of_the_files(tmp_path: Path) -> None:
     overrides = ("path.duration_s=60", "plant.kind=kinematic", "errors.rod_strain=null")
     written = ballbar.simulate("irb2400", tmp_path / "logs", overrides=overrides)

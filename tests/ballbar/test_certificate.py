@@ -93,12 +93,10 @@ KINDS = ("certificate.html", "certificate.pdf")
 RECOMPUTED = ("other result", "forged value")  # changes that are checked with another computation
 
 
-@pytest.mark.slow
 def test_an_unchanged_certificate_holds_in_another_folder(copy: Path) -> None:
     assert check_certificate(copy / "certificate.pdf") == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_what_the_inputs_give_again_is_what_is_certified(
     copy: Path, recomputed_once: None, name: str
@@ -117,7 +115,6 @@ def test_it_holds_on_a_computer_that_rounds_otherwise(copy: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.slow
 def test_inputs_may_lie_elsewhere(copy: Path, tmp_path: Path) -> None:
     alone = tmp_path / "alone" / "certificate.pdf"
     alone.parent.mkdir()
@@ -274,7 +271,6 @@ CHANGES = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_single_change_is_found(
@@ -285,7 +281,6 @@ def test_a_single_change_is_found(
     assert (code, "does not hold" in said) == (1, True), said
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_links_and_names_are_no_change(
     copy: Path, recomputed_once: None, tmp_path: Path, name: str
@@ -301,7 +296,6 @@ def test_links_and_names_are_no_change(
     assert check_certificate(tmp_path / name) == []
 
 
-@pytest.mark.slow
 def test_another_program_says_which_one_printed_the_text(copy: Path) -> None:
     """Files and numbers hold, and the text is judged by the program that printed it alone."""
     file = copy / "certificate.html"
@@ -313,7 +307,6 @@ def test_another_program_says_which_one_printed_the_text(copy: Path) -> None:
     assert problem.endswith("check it with 0.2.0+0123abcd")
 
 
-@pytest.mark.slow
 def test_certificates_of_other_shapes_are_refused(copy: Path) -> None:
     nested = b'<script type="application/json" id="content">{"a":' + 100_000 * b"[" + b"</script>"
     (copy / "nested.html").write_bytes(nested)
@@ -323,7 +316,6 @@ def test_certificates_of_other_shapes_are_refused(copy: Path) -> None:
         assert "so it does not hold" in refusal("certificate", "--check", copy / name)
 
 
-@pytest.mark.slow
 def test_a_file_without_content_is_refused(copy: Path) -> None:
     (copy / "other.pdf").write_bytes(b"%PDF-1.7\n")
     assert "holds no content of a certificate" in refusal(
@@ -332,7 +324,6 @@ def test_a_file_without_content_is_refused(copy: Path) -> None:
     assert "They end in .html or .pdf" in refusal("certificate", "--check", copy / "job.yaml")
 
 
-@pytest.mark.slow
 def test_no_certificate_of_a_result_that_does_not_follow_from_its_recording(copy: Path) -> None:
     file = copy / "result" / "calibration.yaml"
     text = file.read_text("utf-8")
@@ -353,7 +344,6 @@ def cells_of(content: dict[str, Any]) -> list[list[tuple[str, str]]]:
     return [[(cell.text or "", cell.get("class", "")) for cell in row] for row in rows]
 
 
-@pytest.mark.slow
 def test_what_the_details_leave_out_is_printed_as_missing(certified: Path) -> None:
     content, raw = content_of(certified / "certificate.html")
     pairs = [row for row in cells_of(content) if len(row) == 2]
@@ -368,7 +358,6 @@ def test_what_the_details_leave_out_is_printed_as_missing(certified: Path) -> No
     assert pdf.count("(fehlt) Tj") == len(missing)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("locale", LOCALES)
 def test_no_page_is_half_translated(certified: Path, locale: str) -> None:
     """Beside details, names and numbers a page prints words of its own column alone."""
@@ -430,7 +419,6 @@ def test_wrong_details_are_refused(tmp_path: Path, line: str, message: str) -> N
         load_details(file)
 
 
-@pytest.mark.slow
 def test_a_recording_that_is_not_there_is_refused(certified: Path, tmp_path: Path) -> None:
     job = tmp_path / "job.yaml"
     job.write_text("schema: ballbar-certificate-details/1\n")
@@ -482,7 +470,6 @@ def test_a_skewed_quantity_is_guarded_by_its_own_tail() -> None:
     assert decide(draws, 2.3, Tolerance()).verdict == "conforms"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("still", [False, True])
 def test_draws_spread_as_stated(recorded: Recorded, still: bool) -> None:
     """Their mean square over draws and poses is that of the stated TCP uncertainty."""
@@ -496,7 +483,6 @@ def test_draws_spread_as_stated(recorded: Recorded, still: bool) -> None:
     assert np.sqrt((drawn**2).mean()) == pytest.approx(np.sqrt((stated**2).mean()), rel=0.05)
 
 
-@pytest.mark.slow
 def test_letters_that_the_fonts_of_pdf_lack_are_refused(certified: Path) -> None:
     content, _ = content_of(certified / "certificate.pdf")
     content["details"]["operator"] = "Łukasz"
@@ -505,7 +491,6 @@ def test_letters_that_the_fonts_of_pdf_lack_are_refused(certified: Path) -> None
     assert "Łukasz".encode() in certificate_file(content, ".html")
 
 
-@pytest.mark.slow
 def test_a_line_is_not_wider_than_its_column(certified: Path) -> None:
     """80 letters w, of 0.722 of the font's size by Adobe's metrics, in 29 % of the width."""
     content, _ = content_of(certified / "certificate.pdf")

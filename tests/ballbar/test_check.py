@@ -30,7 +30,6 @@ def damage_stamp(folder: Path) -> None:
     file.write_bytes(b"\r\n".join(lines))
 
 
-@pytest.mark.slow
 def test_the_page_names_every_log_and_every_repair(recording: Path) -> None:
     out = output("check", recording)
     assert "REPAIRED: none" in out
@@ -42,14 +41,12 @@ def test_the_page_names_every_log_and_every_repair(recording: Path) -> None:
     assert "5888 of 5889 rows used" in out
 
 
-@pytest.mark.slow
 def test_the_stage_is_shown_while_a_long_recording_is_read(recording: Path) -> None:
     _, _, stages = ballbar("check", recording, "--verbose")
     assert "reading the recording" in stages
     assert "aligning the logs" in stages
 
 
-@pytest.mark.slow
 def test_strict_exits_with_1_where_anything_was_repaired(recording: Path) -> None:
     assert ballbar("check", "--strict", recording)[0] == 0
     damage_stamp(recording)

@@ -75,7 +75,6 @@ def test_every_posture_of_a_kuka_robot_is_found_from_its_status_and_turn(name: s
                 assert _in_front(robot, other) is not front, "the other elbow, as stated"
 
 
-@pytest.mark.slow
 def test_cfx_tells_elbow_up_from_elbow_down_where_quadrants_do_not() -> None:
     """Both elbows of an IRB 120 are often within range and in the same quadrants."""
     robot, rng = load_robot("irb120"), np.random.default_rng(2)

@@ -84,7 +84,6 @@ def without_play(plant: TrueMachine) -> TrueMachine:
     return replace(plant, effects=replace(plant.effects, gear_backlash=np.zeros(6)))
 
 
-@pytest.mark.slow
 def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None:
     """With friction, gear compliance, ripple and resolver errors, but no backlash.
 
@@ -134,7 +133,6 @@ def write_targets(path: Path, header: str, rows: list[str]) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
     tmp_path: Path, result: Path, cell: Cell
 ) -> None:

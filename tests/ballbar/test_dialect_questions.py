@@ -47,7 +47,6 @@ def logs(tmp_path: Path) -> tuple[Path, Path]:
     return robot, bar
 
 
-@pytest.mark.slow
 def test_a_dialect_is_written_from_what_the_file_shows(
     logs: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -117,7 +116,6 @@ def test_years_of_two_digits_are_refused_with_the_reason(
     assert not (tmp_path / "made").exists()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("dated", [True, False])
 def test_a_ballbar_dialect_of_ones_own_keeps_its_forms(
     dated: bool, logs: tuple[Path, Path], tmp_path: Path
@@ -137,7 +135,6 @@ def test_a_ballbar_dialect_of_ones_own_keeps_its_forms(
     assert "time" not in described["sources"]["ballbar"]
 
 
-@pytest.mark.slow
 def test_damaged_rows_are_left_out_up_to_the_limit_and_reported(
     logs: tuple[Path, Path], tmp_path: Path
 ) -> None:

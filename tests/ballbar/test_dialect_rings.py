@@ -48,7 +48,6 @@ def test_no_dialect_is_left_out() -> None:
     assert {*ROBOTS, *BALLBARS} | WRITTEN_ALWAYS == set(OF)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("dialect", ROBOTS)
 def test_a_robots_log_is_read_as_it_was_simulated(dialect: str, tmp_path: Path) -> None:
     done = logged(tmp_path, robot={"dialect": dialect})
@@ -111,7 +110,6 @@ def test_a_dialect_that_cannot_be_written_is_refused(
         record(tmp_path / "recording", logs=logs)
 
 
-@pytest.mark.slow
 def test_a_robot_is_identified_from_the_coarsest_dialect(tmp_path: Path) -> None:
     coarsest = max(COARSE, key=lambda dialect: COARSE[dialect])
     done = record(

@@ -92,7 +92,6 @@ def code(program: str, mark: str) -> list[str]:
     return run[0]
 
 
-@pytest.mark.slow
 @hostile
 @example(EVIL)
 @given(HOSTILE)
@@ -111,7 +110,6 @@ def test_no_title_adds_code_to_a_program(cell: Cell, made: Result, text: str) ->
         assert code(texts[0], mark) == code(texts[1], mark)
 
 
-@pytest.mark.slow
 @hostile
 @given(HOSTILE)
 def test_models_and_json_stay_what_they_are(cell: Cell, made: Result, text: str) -> None:
@@ -126,7 +124,6 @@ def test_models_and_json_stay_what_they_are(cell: Cell, made: Result, text: str)
     assert json.loads(exported(result, "json"))["title"] == text
 
 
-@pytest.mark.slow
 @hostile
 @given(HOSTILE)
 @example("\r=")
@@ -153,7 +150,6 @@ def test_no_cell_is_run_by_a_spreadsheet(cell: Cell, tmp_path: Path, text: str) 
         assert number or not cell_text.startswith(("=", "+", "-", "@", "\t", "\r", "\n"))
 
 
-@pytest.mark.slow
 @hostile
 @given(HOSTILE)
 def test_pages_show_text_as_text(text: str) -> None:

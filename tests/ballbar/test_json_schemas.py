@@ -42,7 +42,6 @@ def faults_of(data: dict[str, Any], kind: str | None = None) -> list[str]:
     return list(faults(data, chosen, chosen))
 
 
-@pytest.mark.slow
 def test_every_shipped_file_is_valid(recorded: Recorded) -> None:
     files = [*SHIPPED, recorded.folder / "recording.yaml"]
     every = {str(file): faults_of(load_yaml(file).data) for file in files}
@@ -95,7 +94,6 @@ def test_what_a_key_means_is_said_at_the_key_or_by_its_mapping(kind: str) -> Non
     assert set(silent) <= {"schema", "name", "title", "notes"}
 
 
-@pytest.mark.slow
 def test_the_command_writes_a_schema_of_every_kind(tmp_path: Path) -> None:
     code, out, _ = ballbar("schema", "--out", tmp_path / "schemas")
     assert code == 0

@@ -142,7 +142,6 @@ def test_a_run_tries_the_robot_on_the_held_out_path(tmp_path: Path) -> None:
     assert (out / "held_out.truth.yaml").is_file()
 
 
-@pytest.mark.slow
 def test_simulate_judges_the_plant_alone(tmp_path: Path) -> None:
     file = tmp_path / "own.yaml"
     text = SHORT.replace("PATHS", PATHS).replace("kind: kinematic", "kind: mujoco")
@@ -165,7 +164,6 @@ def test_a_shipped_scenario_keeps_its_limits(name: str, tmp_path: Path) -> None:
     assert "missed" not in said
 
 
-@pytest.mark.slow
 def test_pull_and_push_keep_their_limits(tmp_path: Path) -> None:
     """Nothing can be identified from one pose, so the plant alone is judged."""
     code, said, err = ballbar("simulate", "irb2400_push_pull", "--out", tmp_path / "logs")

@@ -134,7 +134,6 @@ def wire(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "raw"
 
 
-@pytest.mark.slow
 def test_a_length_log_is_proposed_column_unit_and_time(wire: Path, tmp_path: Path) -> None:
     logs = (wire / "robot.csv", wire / "length.csv")
     said = ["--robot", "irb2400", "--instrument", "drawwire_2m", "--robot-time", "s", "--yes"]
@@ -175,7 +174,6 @@ def test_a_form_that_the_stamps_show_is_said_and_not_asked(wire: Path, tmp_path:
     assert "what are the time stamps?" not in out
 
 
-@pytest.mark.slow
 def test_a_display_of_deviations_is_proposed_its_zero(wire: Path, tmp_path: Path) -> None:
     """Deviations in um of a bar of 300 mm; time in ms, one more column that cannot be a length."""
     rows = [

@@ -45,7 +45,6 @@ def test_every_command_refuses_an_unknown_key_and_names_the_nearest(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
 def test_a_recording_has_the_scenario_that_made_it_beside_it(tmp_path: Path) -> None:
     """Merged, with names of files that are valid there: it runs again to the same rows."""
     own = tmp_path / "own"

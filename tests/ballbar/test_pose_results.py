@@ -224,7 +224,6 @@ XACRO = (
 )
 
 
-@pytest.mark.slow
 def test_a_file_of_another_robot_is_refused(tmp_path: Path) -> None:
     write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=3)
     result, file = load_result(tmp_path), tmp_path / "robot.urdf"
@@ -423,7 +422,6 @@ def result_and_poses(folder: Path, count: int) -> tuple[np.ndarray, np.ndarray]:
     return q, point_table(drawn, arm.joints(q), 3e-5, rng, target=arm.target.origin)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "difference", "z", "notable"),
     [
@@ -463,7 +461,6 @@ def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
     assert (code, "is of robot mine.yaml" in error) == (2, True)
 
 
-@pytest.mark.slow
 def test_verifying_says_which_poses_were_left_out_and_doubts_a_misfit(tmp_path: Path) -> None:
     """A row without its position was left out, and not a word said of it."""
     q, table = result_and_poses(tmp_path / "r", 11)
@@ -485,7 +482,6 @@ def test_verifying_says_which_poses_were_left_out_and_doubts_a_misfit(tmp_path: 
     )
 
 
-@pytest.mark.slow
 def test_identify_writes_a_replay_where_it_is_requested(tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     drawn = drawn_robot("ur10", rng)

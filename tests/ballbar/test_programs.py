@@ -204,7 +204,6 @@ def test_the_controller_takes_the_identified_robot_from_the_new_targets_to_the_n
         assert np.abs(nominal_miss[:, :3, 3]).max() > 1e-3
 
 
-@pytest.mark.slow
 def test_the_load_of_the_tool_counts_and_an_option_replaces_it(
     tmp_path: Path, result: Result
 ) -> None:
@@ -741,7 +740,6 @@ def test_a_kept_target_with_constant_values_is_named_as_corrected(tmp_path: Path
     )
 
 
-@pytest.mark.slow
 def test_the_command_writes_the_program_and_says_what_changed_most(
     tmp_path: Path, result: Result
 ) -> None:

@@ -40,7 +40,6 @@ def declared(recorded: Recorded, folder: Path, robot: str) -> Path:
     return folder
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "cause"),
     [
@@ -80,7 +79,6 @@ def test_another_robot_is_named_and_not_another_unit(
     assert "egrees where" not in words
 
 
-@pytest.mark.slow
 def test_what_nothing_explains_keeps_the_question_of_the_reader(
     recorded: Recorded, tmp_path: Path
 ) -> None:

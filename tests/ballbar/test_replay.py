@@ -82,7 +82,6 @@ def file(run, tmp_path_factory) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_rerun_itself_finds_no_fault_in_the_file(file):
     assert verified(file)
 
@@ -145,7 +144,6 @@ def test_the_timeline_is_the_robots_clock(file):
     assert timelines == {"robot_time"}
 
 
-@pytest.mark.slow
 def test_writing_the_same_run_twice_gives_the_same_recording(file, run, tmp_path):
     again = tmp_path / "again.rrd"
     write_replay(again, run)
@@ -161,7 +159,6 @@ def test_a_minute_takes_little_space(file):
     assert file.stat().st_size < 7_500_000  # half of the 15 MB allowed for 120 s
 
 
-@pytest.mark.slow
 def test_a_real_recording_needs_no_truth(real, tmp_path):
     path = tmp_path / "real.rrd"
     write_replay(path, real)
@@ -175,7 +172,6 @@ def test_a_real_recording_needs_no_truth(real, tmp_path):
     assert verified(path)
 
 
-@pytest.mark.slow
 def test_without_encoders_the_ball_bar_follows_the_robot(real, tmp_path):
     """And where the ball-bar's log says nothing, before it began, it follows too."""
     (fitted,) = real.recordings
@@ -386,7 +382,6 @@ def test_no_viewer_collects_usage_data(file, tmp_path, monkeypatch):
     assert note.read_text() == "1"
 
 
-@pytest.mark.slow
 def test_two_web_viewers_run_at_once_and_each_writes_nothing_but_its_address(file, capfd):
     """The second one was refused: both took port 9090; and the viewer's own log came before."""
     addresses: list[str] = []

@@ -145,7 +145,6 @@ def test_the_picture_of_the_parameters_shows_changes_and_intervals_to_scale(file
     assert np.abs(intervals[:, :, 0] - RIGHT).max() <= HALF * 1.001
 
 
-@pytest.mark.slow
 def test_two_runs_stand_below_roots_of_their_own(file, other):
     with chosen_replay(file, other) as path:
         assert verified(path)
@@ -191,7 +190,6 @@ def test_page_of_the_scenario_holds_what_was_set_and_nothing_breaks_out_of_it(ru
     )
 
 
-@pytest.mark.slow
 def test_live_run_shows_the_cell(run, tmp_path):
     path = tmp_path / "live.rrd"
     with rr.RecordingStream("live-test") as stream:

@@ -205,7 +205,6 @@ def test_the_page_is_small_requests_nothing_and_runs_its_own_script_alone(page: 
     assert not [name for name, _ in parsed.attributes if name.startswith("on")]
 
 
-@pytest.mark.slow
 def test_the_cell_is_painted_with_robot_plate_and_path(run: RunData) -> None:
     element = cell_picture(run.identification.robot.cell, run.recordings[0])
     box = re.match(r'<svg viewBox="0 0 (\S+) (\S+)"', element)
@@ -230,7 +229,6 @@ def test_the_cell_is_painted_with_robot_plate_and_path(run: RunData) -> None:
     assert f'stroke="{BEFORE}"' in element, "the path of the tool"
 
 
-@pytest.mark.slow
 def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> None:
     evil = '<script>alert("1")</script><img src=x onerror=alert(1)>'
     recording = run.recordings[0].recording
@@ -255,7 +253,6 @@ def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> N
     assert parsed.text.count("onerror=alert(1)") >= 6
 
 
-@pytest.mark.slow
 def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
     run: RunData, page: str, tmp_path: Path
 ) -> None:
@@ -268,7 +265,6 @@ def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
     ]
 
 
-@pytest.mark.slow
 def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(
     run: RunData, tmp_path: Path
 ) -> None:
@@ -282,7 +278,6 @@ def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(
     assert "mujoco" not in parsed.text
 
 
-@pytest.mark.slow
 def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(
     sensorless: RunData, tmp_path: Path
 ) -> None:
@@ -294,7 +289,6 @@ def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(
     assert _shows(parsed.row("ra1")[2], sensorless.identification.robot.geometry["ra1"] * 1e3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("status", "band", "heading"),
     [
@@ -316,7 +310,6 @@ def test_the_band_takes_colour_and_word_from_the_verdict(
     assert ("Do not use these parameters" in page) == (not result.verdict.acceptable)
 
 
-@pytest.mark.slow
 def test_rivals_of_the_clock_alignment_are_listed(run: RunData, tmp_path: Path) -> None:
     estimate = run.recordings[0].estimate
     assert "cost per residual" not in _page(run, tmp_path)
@@ -413,7 +406,6 @@ def test_who_decides_reads_verdict_confidence_and_what_to_do_before_any_number(
     assert "What to do. The identified robot may be used" in text
 
 
-@pytest.mark.slow
 def test_both_meanings_of_the_stated_uncertainty_are_named_wherever_it_stands(
     run: RunData, page: str, tmp_path: Path
 ) -> None:
@@ -478,7 +470,6 @@ def test_the_command_is_shown_without_folders_of_this_computer(command: str, sho
     assert without_folders(command) == shown
 
 
-@pytest.mark.slow
 def test_a_missed_limit_of_the_scenario_stands_in_the_heading_and_its_file_among_the_inputs(
     run: RunData, page: str, tmp_path: Path
 ) -> None:
@@ -497,7 +488,6 @@ def _raise(*_: object, **__: object) -> str:
     raise RuntimeError("no figure today")
 
 
-@pytest.mark.slow
 def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
     run: RunData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -509,7 +499,6 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
     assert [p.read_text() for p in tmp_path.iterdir()] == ["the report of yesterday"]
 
 
-@pytest.mark.slow
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     gone = replace(run.recordings[0].recording, folder=tmp_path / "gone")
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):

@@ -31,7 +31,6 @@ def fitted(recorded: Recorded) -> FittedRecording:
     return recording
 
 
-@pytest.mark.slow
 def test_dwells_of_the_robot_are_marked_where_the_path_has_them(fitted: FittedRecording) -> None:
     passed = marks(fitted)
     assert len(passed.dwells) == 3  # at both ends, and one of 2 s between
@@ -39,7 +38,6 @@ def test_dwells_of_the_robot_are_marked_where_the_path_has_them(fitted: FittedRe
     assert mark_sentences(passed)[0].startswith("The robot dwells 3 times")
 
 
-@pytest.mark.slow
 def test_a_straight_wrist_and_the_change_of_configuration_are_marked(
     fitted: FittedRecording,
 ) -> None:
@@ -55,7 +53,6 @@ def test_a_straight_wrist_and_the_change_of_configuration_are_marked(
     np.testing.assert_allclose(np.diff(spans[1:-1], axis=1), 2 * 0.558, atol=0.1)
 
 
-@pytest.mark.slow
 def test_the_error_is_least_where_the_clocks_are_aligned(fitted: FittedRecording) -> None:
     curve = shift_curve(fitted)
     assert curve is not None

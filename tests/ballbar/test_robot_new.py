@@ -67,7 +67,6 @@ def made(folder: Path, joints: tuple[Joint, ...], *words: object, **options: obj
     return load_robot(str(folder / "arm.yaml"))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur10e", "kr210", "m20ia", "gp25", "panda"])
 def test_a_urdf_becomes_a_robot_with_the_same_flange(name: str, tmp_path: Path) -> None:
     joints = PUBLISHED[name].joints
@@ -80,7 +79,6 @@ def test_a_urdf_becomes_a_robot_with_the_same_flange(name: str, tmp_path: Path) 
     assert (tmp_path / "arm.png").read_bytes().startswith(PNG)
 
 
-@pytest.mark.slow
 def test_a_general_base_and_tool_are_stated_and_complete_the_pose(tmp_path: Path) -> None:
     wall = (Joint((0.1, 0.2, 0.9), (0, 0, 1), (0.0, np.pi / 2, 0.3)), *OFFSETS[1:])
     urdf, file = tmp_path / "arm.urdf", tmp_path / "arm.yaml"
@@ -101,7 +99,6 @@ def test_a_general_base_and_tool_are_stated_and_complete_the_pose(tmp_path: Path
     assert abs(robot.gravity[2]) < 1e-9
 
 
-@pytest.mark.slow
 def test_what_is_printed_names_the_check_and_all_that_is_missing(tmp_path: Path) -> None:
     urdf = tmp_path / "arm.urdf"
     urdf.write_text(urdf_text(OFFSETS, limits=False))
@@ -117,7 +114,6 @@ def test_what_is_printed_names_the_check_and_all_that_is_missing(tmp_path: Path)
     assert np.isinf(robot.axis_speed_max).all()
 
 
-@pytest.mark.slow
 def test_masses_of_a_urdf_are_in_the_robot_base_frame(tmp_path: Path) -> None:
     mass = Mass(3.0, (0.02, -0.03, 0.04), (0.02, 0.03, 0.04), rpy=(0.1, 0.2, 0.3))
     wall = Joint((0.1, 0.2, 0.9), (0, 0, 1), (0.0, np.pi / 2, 0.0))
@@ -136,7 +132,6 @@ def test_masses_of_a_urdf_are_in_the_robot_base_frame(tmp_path: Path) -> None:
     np.testing.assert_allclose(T_base_dh[:, :3] @ robot.gravity, [0.0, 0.0, -9.81], atol=1e-9)
 
 
-@pytest.mark.slow
 def test_the_name_of_a_joint_cannot_end_the_comment_it_stands_in(tmp_path: Path) -> None:
     """PyYAML, too, ends a line at U+2028; what followed stood in the file as a key."""
     urdf, file = tmp_path / "arm.urdf", tmp_path / "arm.yaml"
@@ -147,7 +142,6 @@ def test_the_name_of_a_joint_cannot_end_the_comment_it_stands_in(tmp_path: Path)
     assert load_robot(str(file)).title == "arm dh: 3"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("text", "name"), [(CSV, "ur5"), (PANDA, "panda")])
 def test_a_table_of_standard_or_modified_rows(text: str, name: str, tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
@@ -160,7 +154,6 @@ def test_a_table_of_standard_or_modified_rows(text: str, name: str, tmp_path: Pa
         np.testing.assert_allclose(getattr(robot, key), getattr(shipped, key), atol=1e-15)
 
 
-@pytest.mark.slow
 def test_first_modified_row_and_a_tilted_flange_stay_outside_the_rows(tmp_path: Path) -> None:
     table, file = tmp_path / "t.yaml", tmp_path / "mine.yaml"
     first, flange_row = "a_m: 0, d_m: 0.333, alpha_rad: 0", "d_m: 0.107, alpha_deg: 0, theta_deg: 0"
@@ -289,7 +282,6 @@ def test_a_file_that_is_too_large_or_not_text_is_refused(tmp_path: Path) -> None
     _refused(tmp_path, ["--urdf", large], r"large\.urdf:2: byte 0xff is not UTF-8")
 
 
-@pytest.mark.slow
 def test_a_file_that_exists_is_not_replaced(tmp_path: Path) -> None:
     made(tmp_path, OFFSETS)
     before = (tmp_path / "arm.yaml").read_bytes()
@@ -318,7 +310,6 @@ def test_a_description_that_differs_from_its_source_is_not_written(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["arm.urdf"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["panda", "irb2400"])
 def test_a_robot_is_shown_as_a_replay_file(name: str, tmp_path: Path) -> None:
     file = tmp_path / "robot.rrd"

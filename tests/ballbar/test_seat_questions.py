@@ -141,7 +141,6 @@ def test_one_seat_and_one_target_in_two_files_are_said_to_be_so(tmp_path: Path, 
     assert [entry["files"] for entry in content["tables"]] == [["raw/grid.csv", "raw/random.csv"]]
 
 
-@pytest.mark.slow
 def test_two_seats_of_two_targets_are_told_from_each_other(tmp_path: Path) -> None:
     files = [
         table(tmp_path / f"{seat}{target}.csv", q, points(q, REFLECTORS[target], place))
@@ -274,7 +273,6 @@ def test_files_that_show_nothing_are_refused_by_yes_and_named_by_options(
     made(tmp_path / "made", files, *POINTS, *words)
 
 
-@pytest.mark.slow
 def test_a_file_that_fits_no_robot_or_not_what_is_given_shows_nothing(tmp_path: Path) -> None:
     shuffled = points(OTHERS, REFLECTORS[0])[::-1]
     files = [

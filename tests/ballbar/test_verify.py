@@ -44,13 +44,11 @@ def changed(result: Path, folder: Path, change: Any) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_a_result_holds_for_its_own_recording(result: Path, recorded: Recorded) -> None:
     code, said, error = ballbar("verify", result, recorded.folder)
     assert (code, said.startswith("Holds: the loop closes to 0.0")) == (0, True), said + error
 
 
-@pytest.mark.slow
 def test_a_zero_that_differs_is_named(result: Path, recorded: Recorded, tmp_path: Path) -> None:
     def before(data: dict[str, Any]) -> None:
         data["parameters"]["rtheta4"]["value"] -= 3.1e-4
@@ -256,7 +254,6 @@ def damaged(recorded: Recorded, tmp_path: Path) -> Path:
     return Path(shutil.copytree(recorded.folder, tmp_path / "damaged"))
 
 
-@pytest.mark.slow
 def test_rows_that_were_left_out_are_named(result: Path, damaged: Path) -> None:
     """A channel stood still for two seconds, its rows were left out, and not a word said of it."""
     log = damaged / "raw" / "robot.csv"
@@ -281,7 +278,6 @@ def test_a_recording_that_is_too_short_is_bad_input(result: Path, damaged: Path)
     assert (code, "cannot be held against" in error) == (2, True), error
 
 
-@pytest.mark.slow
 def test_a_result_that_is_itself_a_misfit_is_not_said_to_hold(
     result: Path, recorded: Recorded, tmp_path: Path
 ) -> None:
@@ -330,13 +326,11 @@ def mixed(recorded: Recorded, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "result"
 
 
-@pytest.mark.slow
 def test_a_result_of_both_holds_for_its_recording(mixed: Path, recorded: Recorded) -> None:
     code, said, error = ballbar("verify", mixed, recorded.folder)
     assert (code, said.startswith("Holds: the loop closes to 0.0")) == (0, True), said + error
 
 
-@pytest.mark.slow
 def test_a_result_of_both_holds_for_new_points(
     mixed: Path, recorded: Recorded, tmp_path: Path
 ) -> None:
@@ -344,7 +338,6 @@ def test_a_result_of_both_holds_for_new_points(
     assert (code, said.startswith("Holds: 12 poses to 0.0")) == (0, True), said + error
 
 
-@pytest.mark.slow
 def test_points_name_the_zero_of_an_axis_of_a_result_of_both(
     mixed: Path, recorded: Recorded, tmp_path: Path
 ) -> None:

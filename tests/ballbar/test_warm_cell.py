@@ -61,7 +61,6 @@ def without_temperature(recording: Path, folder: Path) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_a_plate_that_is_warm_gives_the_right_scale(
     recording: Path, warm: Calibration, tmp_path: Path
 ) -> None:
@@ -75,7 +74,6 @@ def test_a_plate_that_is_warm_gives_the_right_scale(
     assert "not stated" in temperature_sentence(cold.file.temperature)
 
 
-@pytest.mark.slow
 def test_lengths_are_referred_to_20_degrees(recording: Path, warm: Calibration) -> None:
     stated = warm.file.temperature
     assert stated is not None
@@ -91,7 +89,6 @@ def test_lengths_are_referred_to_20_degrees(recording: Path, warm: Calibration) 
     assert "0.999885 ± 0.000012 at 20 °C" in sentence
 
 
-@pytest.mark.slow
 def test_the_budget_has_a_row_of_the_temperature(warm: Calibration) -> None:
     assert warm.budget is not None
     rows = {row.name: row for row in warm.budget.rows}
@@ -104,7 +101,6 @@ def test_the_budget_has_a_row_of_the_temperature(warm: Calibration) -> None:
     assert sum(row.share for row in warm.budget.rows) == pytest.approx(1.0, rel=1e-9)
 
 
-@pytest.mark.slow
 def test_the_budget_is_read_back_and_shown(warm: Calibration, tmp_path: Path) -> None:
     warm.save(tmp_path)
     read = ballbar.load(tmp_path)
@@ -117,7 +113,6 @@ def test_the_budget_is_read_back_and_shown(warm: Calibration, tmp_path: Path) ->
     assert "plate 36 %, temperature 21 %" in sentence
 
 
-@pytest.mark.slow
 def test_a_file_of_an_older_version_has_no_budget(warm: Calibration, tmp_path: Path) -> None:
     warm.save(tmp_path)
     content = yaml.safe_load((tmp_path / "calibration.yaml").read_text(encoding="utf-8"))

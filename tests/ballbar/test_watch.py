@@ -74,7 +74,6 @@ def watched(growing: GrowingRecording, *instants: float, **options: float) -> li
     return states
 
 
-@pytest.mark.slow
 def test_a_sound_recording_raises_no_alarm_and_tells_more_and_more(
     growing: GrowingRecording,
 ) -> None:
@@ -86,7 +85,6 @@ def test_a_sound_recording_raises_no_alarm_and_tells_more_and_more(
     assert 0.7 < states[-1].predicted < 1.3  # white noise that the fit has not seen
 
 
-@pytest.mark.slow
 def test_what_is_stated_at_the_end_is_the_identification_of_the_recording(
     growing: GrowingRecording, recorded: Recorded
 ) -> None:
@@ -120,7 +118,6 @@ def test_a_recording_that_has_hardly_begun_is_waited_for(
     assert all(state.waiting and not state.alarms for state in states)
 
 
-@pytest.mark.slow
 def test_a_half_written_row_is_left_for_the_next_update(growing: GrowingRecording) -> None:
     first, second = watched(growing, 20.0, 20.5)
     assert (growing.folder / "raw" / "robot.csv").read_bytes()[-1:] != b"\n"
@@ -128,7 +125,6 @@ def test_a_half_written_row_is_left_for_the_next_update(growing: GrowingRecordin
     assert second.rows["robot"] > first.rows["robot"]
 
 
-@pytest.mark.slow
 def test_a_file_that_no_longer_grows_is_reported(growing: GrowingRecording) -> None:
     growing.write_until(30.0)
     watch = Watch(growing.folder)
@@ -136,7 +132,6 @@ def test_a_file_that_no_longer_grows_is_reported(growing: GrowingRecording) -> N
     assert [alarm.kind for alarm in watch.update(105.5).alarms] == ["silent", "silent"]
 
 
-@pytest.mark.slow
 def test_a_slip_is_named_at_the_next_update(growing: GrowingRecording) -> None:
     slip(growing, "b2", 44.6)
     before, after = watched(growing, 44.0, 45.0)
@@ -148,7 +143,6 @@ def test_a_slip_is_named_at_the_next_update(growing: GrowingRecording) -> None:
     assert alarm.raised == pytest.approx(45.0, abs=0.2)
 
 
-@pytest.mark.slow
 def test_a_clock_that_is_set_back_is_an_alarm_once_it_was_seen_twice(
     growing: GrowingRecording,
 ) -> None:
@@ -159,7 +153,6 @@ def test_a_clock_that_is_set_back_is_an_alarm_once_it_was_seen_twice(
     assert [[alarm.kind for alarm in state.alarms] for state in states][-1] == ["clock set back"]
 
 
-@pytest.mark.slow
 def test_columns_exchanged_from_the_start_are_named_within_half_a_minute(
     growing: GrowingRecording,
 ) -> None:
@@ -173,7 +166,6 @@ def test_columns_exchanged_from_the_start_are_named_within_half_a_minute(
 # --- output
 
 
-@pytest.mark.slow
 def test_the_loop_shows_each_state_and_ends_with_the_whole_recording(
     growing: GrowingRecording,
 ) -> None:
@@ -186,7 +178,6 @@ def test_the_loop_shows_each_state_and_ends_with_the_whole_recording(
     assert re.search("enough.*verdict good, model dh", line(shown[-1]))
 
 
-@pytest.mark.slow
 def test_the_window_shows_the_uncertainty_over_the_recording_and_each_alarm_once(
     growing: GrowingRecording, tmp_path: Path
 ) -> None:
@@ -207,7 +198,6 @@ def test_the_window_shows_the_uncertainty_over_the_recording_and_each_alarm_once
     assert len(shown[ALARMS]) == 1
 
 
-@pytest.mark.slow
 def test_the_command_prints_a_line_of_json_for_each_update_and_ends_when_it_is_told_to(
     growing: GrowingRecording,
 ) -> None:
@@ -272,7 +262,6 @@ def test_nothing_is_enough_while_files_that_were_read_cannot_be(
     assert not watch.finish(60.0).enough
 
 
-@pytest.mark.slow
 def test_a_recording_that_begins_again_in_the_same_files_is_a_new_one(
     growing: GrowingRecording, tmp_path: Path, recorded: Recorded
 ) -> None:
@@ -291,7 +280,6 @@ def test_a_recording_that_begins_again_in_the_same_files_is_a_new_one(
         assert state.alarms == ()
 
 
-@pytest.mark.slow
 def test_encoders_that_come_later_are_fitted_from_then_on(growing: GrowingRecording) -> None:
     text = (growing.folder / "recording.yaml").read_text()
     source = re.search(r"  ballbar:\n(    .*\n)+", text)
@@ -309,7 +297,6 @@ def test_encoders_that_come_later_are_fitted_from_then_on(growing: GrowingRecord
     assert second.estimate.clock is not None
 
 
-@pytest.mark.slow
 def test_a_step_is_named_by_a_watch_that_begins_long_after_it_and_so_is_the_next(
     growing: GrowingRecording,
 ) -> None:
@@ -328,7 +315,6 @@ def test_fast_logs_of_a_robot_are_judged_from_five_seconds_on() -> None:
     assert standing(Logs(log, None, name="short")) == []
 
 
-@pytest.mark.slow
 def test_a_fit_that_fails_is_tried_again_later(
     growing: GrowingRecording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -344,7 +330,6 @@ def test_a_fit_that_fails_is_tried_again_later(
     assert watch.update(50.0).estimate is not None
 
 
-@pytest.mark.slow
 def test_a_fit_that_is_of_no_such_machine_is_an_alarm_once_it_is_no_longer_young(
     growing: GrowingRecording, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -31,7 +31,6 @@ def corrections(result: Identification) -> list[str]:
     return [correction.name for correction in result.robot.corrections]
 
 
-@pytest.mark.slow
 def test_elastic_gears_are_asked_for_and_a_good_fit_ends_the_search() -> None:
     result, stages = identified(minute_logs(compliance=1.0))
     assert result.verdict.status is Status.GOOD
@@ -40,7 +39,6 @@ def test_elastic_gears_are_asked_for_and_a_good_fit_ends_the_search() -> None:
     assert JOINT_ERRORS not in stages
 
 
-@pytest.mark.slow
 def test_two_recordings_that_ask_for_nothing_are_fitted_by_kinematics_and_the_rod_alone() -> None:
     """With all corrections they took the rod's backlash for what the geometry does."""
     result, stages = identified(minute_logs(seed=1), minute_logs(seed=2))
@@ -49,7 +47,6 @@ def test_two_recordings_that_ask_for_nothing_are_fitted_by_kinematics_and_the_ro
     assert KNEES not in stages
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("encoders", [(), UNIVERSAL_AND_GIMBAL])
 def test_kinematics_alone_are_fitted_to_several_recordings_together(
     encoders: tuple[int, ...],
@@ -71,7 +68,6 @@ def test_kinematics_alone_are_fitted_to_several_recordings_together(
     assert rms(np.array(errors)) < 1.5  # of 21 or 33 correlated deviations
 
 
-@pytest.mark.slow
 def test_kinematics_alone_do_not_miss_what_corrections_would_need() -> None:
     """A robot's file without gears was named as a lack, of a model that has none."""
     logs = [minute_logs(seed=seed) for seed in (1, 2)]
@@ -80,7 +76,6 @@ def test_kinematics_alone_do_not_miss_what_corrections_would_need() -> None:
     assert not any("were not fitted" in warning for warning in result.verdict.warnings)
 
 
-@pytest.mark.slow
 def test_gears_that_are_all_softer_put_the_masses_in_doubt_and_joint_errors_are_tried() -> None:
     result, stages = identified(minute_logs(compliance=1.6))
     assert result.verdict.status is Status.SUSPECT
@@ -88,7 +83,6 @@ def test_gears_that_are_all_softer_put_the_masses_in_doubt_and_joint_errors_are_
     assert stages[-1] == JOINT_ERRORS
 
 
-@pytest.mark.slow
 def test_two_encoders_are_too_few_for_elastic_gears_but_size_a_slip() -> None:
     logs = minute_logs(encoders=(1, 2), compliance=1.0, slip=(1, 20.0, 3e-3))
     result, _ = identified(logs)
@@ -98,7 +92,6 @@ def test_two_encoders_are_too_few_for_elastic_gears_but_size_a_slip() -> None:
     assert fault.size == pytest.approx(3e-3, rel=0.01)
 
 
-@pytest.mark.slow
 def test_a_recording_of_another_machine_than_the_first_is_a_misfit() -> None:
     other = minute_logs(seed=1)
     q = other.robot.q + 1e-4 * np.eye(6)[3]

@@ -96,7 +96,6 @@ def test_planted_ripple_is_found_in_its_own_coefficient(found: Fit) -> None:
     assert np.mean(others**2) < 2.0
 
 
-@pytest.mark.slow
 def test_useless_corrections_are_left_out_of_the_complete_fit(rippled: RecordingFit) -> None:
     told: list[str] = []
     result = fit_complete(CELL, [rippled], WITHOUT_LOADS, OPTIONS, Listener(told.append))
@@ -112,7 +111,6 @@ def test_corrections_that_the_options_name_stay(rippled: RecordingFit) -> None:
     assert [c.name for c in lasting(result)] == list(WITHOUT_LOADS)
 
 
-@pytest.mark.slow
 def test_of_all_corrections_only_the_elastic_gears_of_an_elastic_robot_stay(
     elastic: RecordingFit,
 ) -> None:
@@ -131,7 +129,6 @@ def test_of_all_corrections_only_the_elastic_gears_of_an_elastic_robot_stay(
     assert np.sqrt(((tension - expected) ** 2).mean()) < 3.0  # [N] of 80
 
 
-@pytest.mark.slow
 def test_a_slip_by_a_whole_period_is_held_at_that_size() -> None:
     """Too small for the log to show, so the residual finds it; then nothing of it is fitted."""
     recording, told = fitted(slip=(4, 30.0, -PERIOD)), list[str]()
@@ -145,7 +142,6 @@ def test_a_slip_by_a_whole_period_is_held_at_that_size() -> None:
     assert [c.name for c in result.model.corrections] == ["encoder_jumps"]
 
 
-@pytest.mark.slow
 def test_a_slip_that_only_the_residual_shows_is_found_and_sized() -> None:
     recording, told = fitted(slip=(1, 22.0, 4e-4)), list[str]()
     result = fit_complete(CELL, [recording], (), OPTIONS, Listener(told.append))
@@ -156,7 +152,6 @@ def test_a_slip_that_only_the_residual_shows_is_found_and_sized() -> None:
     assert result.chi2_per_dof == pytest.approx(1.0, abs=0.15)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("by_itself", [True, False])
 def test_a_slip_in_one_of_two_recordings_shows_in_it_by_itself(
     by_itself: bool, monkeypatch: pytest.MonkeyPatch
@@ -244,7 +239,6 @@ def test_a_rod_without_any_signal_has_a_spline_and_no_gain(elastic: RecordingFit
     assert set(model.unknowns.sigma[knots]) == {DEVIATION["none"]}
 
 
-@pytest.mark.slow
 def test_without_a_signal_the_fit_begins_with_much_noise_and_a_wide_backlash(
     elastic: RecordingFit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -329,7 +323,6 @@ def test_a_recordings_own_unknowns_start_where_its_kinematic_fit_ended(
     assert with_tension(CELL, rippled, "none", (), loaded=False).splines.shape[0] == 0
 
 
-@pytest.mark.slow
 def test_two_recordings_share_the_machine_and_keep_their_own_clocks() -> None:
     """The same machine twice: its coefficients are known better by the root of two."""
     recordings = [fitted(ripple=RIPPLE, seed=seed) for seed in (1, 2)]

@@ -47,7 +47,6 @@ def another(**changes: float) -> Geometry:
     return NOMINAL.replaced({name: NOMINAL[name] + change for name, change in changes.items()})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_recordings_of_one_machine_agree(seed: int) -> None:
     result = judged(minute_logs(seed=2 * seed), minute_logs(seed=2 * seed + 1))
@@ -56,7 +55,6 @@ def test_recordings_of_one_machine_agree(seed: int) -> None:
     assert all(0.8 < ratio < 1.2 for ratio in result.held_out)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("second", "group", "size", "time"),
     [
@@ -81,7 +79,6 @@ def test_what_changed_is_named_with_its_size_and_time(
         assert "from t = " in result.sentence
 
 
-@pytest.mark.slow
 def test_another_robot_is_named_as_one() -> None:
     rng = np.random.default_rng(3)
     names = ("ra1", "ra2", "ra3", "rd4", "ralpha2", "ralpha4", "ralpha5", "rtheta3", "rtheta5")
@@ -93,7 +90,6 @@ def test_another_robot_is_named_as_one() -> None:
     assert (result.change.group, result.change.time) == (("robot", ""), None)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("size", "named"), [(1e-5, False), (5e-5, True)])
 def test_a_zero_that_wandered_as_unchanged_ones_do_is_no_other_machine(
     size: float, named: bool

@@ -67,7 +67,6 @@ def large(*, scale: float = 1.0, missing: float = 0.0, drift: float = 0.0) -> Ta
     return fit_table(table, FitOptions(joint_errors="none"))
 
 
-@pytest.mark.slow
 def test_the_scale_of_a_large_table_is_that_of_its_values() -> None:
     """The residual biased the direction of the measured point: +1.35 % was said where 0.08 was."""
     assert large().scale_pull is None
@@ -77,7 +76,6 @@ def test_the_scale_of_a_large_table_is_that_of_its_values() -> None:
     assert pull[0] == pytest.approx(0.01, rel=0.15)
 
 
-@pytest.mark.slow
 def test_what_is_significant_and_small_is_not_named() -> None:
     """2.8e-5 of the last move was called "0.00% of the last move missing ... wait longer"."""
     small = large(missing=1e-5, drift=2e-5)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,9 +25,9 @@ from ballbar.ident.estimator.noise import ExcessNoise
 from ballbar.ident.estimator.normal_equations import whole_jacobian
 from ballbar.ident.estimator.regions import SAME_POSE, pose_regions
 from ballbar.ident.options import FitOptions
-from ballbar.ident.signals.smooth_log import motion_of
+from ballbar.ident.signals.smooth_log import motion_of, smooth_log
 from ballbar.ident.start.automatic import StartError
-from ballbar.ident.start.followed import followed_table
+from ballbar.ident.start.followed import followed_table, poses_at_rows
 from ballbar.ident.start.placements import PoseStartError, placed_by
 from ballbar.ident.table_estimate import TableEstimate
 from ballbar.ident.table_fit import fit_table
@@ -87,7 +89,6 @@ def test_the_robot_and_the_clock_of_the_independent_arithmetic_are_found(pose: b
     assert result_at_rest(result).verdict.status is Status.GOOD
 
 
-@pytest.mark.slow
 def test_a_clock_that_is_shifted_is_found_shifted() -> None:
     """By stamps that count from elsewhere, and by an instrument that is late."""
     robot, tracker = logs_of(MADE)
@@ -173,6 +174,26 @@ def test_a_robot_that_stands_gives_the_same_as_the_table_of_its_still_poses(meas
     assert stands.clocks["standing"][1] == pytest.approx([1.0, 1e-3])  # as its prior: nothing shows
 
 
+def test_rows_are_counted_from_one_and_those_that_stand_out_left_out() -> None:
+    tracker = logs_of(FollowedRobot(seed=3))[1]
+    values = tracker.values.copy()
+    values[500] += 0.05
+    whole: Any = SimpleNamespace(
+        within=lambda t: t,
+        angles=lambda t: np.zeros((t.size, 6)),
+        clock=Clock(0.0, 0.0),
+        name="log",
+    )
+    smooth = smooth_log(tracker.t, values[:, :3], widest_knot_spacing=0.1)
+    group = poses_at_rows(replace(tracker, values=values), smooth, whole)
+    left_out = set(range(1, tracker.t.size + 1)) - set(group.rows.tolist())
+    assert 501 in left_out
+    assert len(left_out) < 20
+    assert group.rows.max() == tracker.t.size
+    assert (group.values == values[group.rows - 1]).all()
+    assert (group.time == tracker.t[group.rows - 1]).all()
+
+
 @pytest.mark.long
 def test_rows_of_a_slow_robot_are_no_single_pose() -> None:
     """Neighbouring rows are less than half a milliradian apart, all along the path."""
@@ -191,7 +212,6 @@ def test_logs_that_share_too_little_motion_are_refused() -> None:
         table_by(robot, short)
 
 
-@pytest.mark.slow
 def test_a_frame_with_a_wrong_sign_is_refused_as_a_mirror_image() -> None:
     robot, tracker = logs_of(MADE)
     with pytest.raises(PoseStartError, match="only as a mirror image"):

@@ -30,7 +30,6 @@ def machine() -> Identification:
     return identified(1, MANY, true=TRUE)
 
 
-@pytest.mark.slow
 def test_the_machine_explains_another_recording_of_it(machine: Identification) -> None:
     """Its own encoder offsets, base and clock are fitted: the ball-bar stands elsewhere."""
     moved = TRUE.replaced({"btheta2": 0.3, "btheta5": -0.2})
@@ -52,7 +51,6 @@ def with_identified(result: Identification, **changes: object) -> Identification
     return replace(result, robot=replace(result.robot, identified=identified))
 
 
-@pytest.mark.slow
 def test_a_machine_that_is_off_is_a_misfit(machine: Identification) -> None:
     robot = machine.robot
     off = robot.geometry.replaced({"ra2": robot.geometry["ra2"] + 5e-4})
@@ -87,7 +85,6 @@ def test_the_expected_chi_square_is_what_the_machines_errors_add_on_average() ->
     assert 0.7 < np.mean(added) / np.mean(expected) < 1.3
 
 
-@pytest.mark.slow
 def test_a_slip_in_the_held_out_recording_is_found_by_the_complete_model_only() -> None:
     """The residual of a poor model passes for steps, so kinematics alone do not look for them."""
     options = FitOptions(model="complete", corrections=("gear_ripple",), samples=300)
@@ -102,7 +99,6 @@ def test_a_slip_in_the_held_out_recording_is_found_by_the_complete_model_only() 
     assert simple.step_faults == ()
 
 
-@pytest.mark.slow
 def test_a_held_out_recording_that_is_no_fit_names_the_cause(machine: Identification) -> None:
     sound = minute_logs(true=TRUE, seed=2)
     assert sound.ballbar is not None

@@ -37,7 +37,6 @@ def test_the_clock_lies_within_the_stated_95_percent_about_as_often_as_that() ->
     assert (np.sqrt((np.square(off)).mean(axis=0)) > 0.5).all(), off
 
 
-@pytest.mark.slow
 def test_gain_sign_and_zero_of_a_channel_are_read_off_and_leave_the_clock_alone() -> None:
     rng = np.random.default_rng(3)
     motion, clock = wandering(rng), Clock(-4.25, 8e-5)
@@ -50,7 +49,6 @@ def test_gain_sign_and_zero_of_a_channel_are_read_off_and_leave_the_clock_alone(
     assert alignment.clock.offset == pytest.approx(clock.offset, abs=2e-5)
 
 
-@pytest.mark.slow
 def test_a_steady_channel_and_one_of_another_motion_are_left_alone() -> None:
     rng = np.random.default_rng(4)
     a, b = two_logs(wandering(rng), Clock(2.0, 0.0), rng)
@@ -60,7 +58,6 @@ def test_a_steady_channel_and_one_of_another_motion_are_left_alone() -> None:
     assert alignment.clock.offset == pytest.approx(2.0, abs=2e-5)
 
 
-@pytest.mark.slow
 def test_channels_of_the_same_name_go_together_and_a_strange_one_is_reported() -> None:
     rng = np.random.default_rng(5)
     motion = wandering(rng)
@@ -116,7 +113,6 @@ def test_logs_that_cannot_be_aligned_are_refused_with_the_reason() -> None:
         align_logs(a, b, [("x", "u"), ("x", "v")])
 
 
-@pytest.mark.slow
 def test_logs_that_overlap_for_seconds_only_are_aligned_there() -> None:
     rng = np.random.default_rng(13)
     alignment = align_logs(*two_logs(wandering(rng), Clock(25.0, 0.0), rng))
@@ -124,7 +120,6 @@ def test_logs_that_overlap_for_seconds_only_are_aligned_there() -> None:
     assert alignment.clock.offset == pytest.approx(25.0, abs=1e-4)
 
 
-@pytest.mark.slow
 def test_the_offset_at_the_first_row_and_the_skew_are_known_together() -> None:
     """Value and slope at the end of a line through even instants correlate by -sqrt(3)/2."""
     rng = np.random.default_rng(15)
@@ -132,7 +127,6 @@ def test_the_offset_at_the_first_row_and_the_skew_are_known_together() -> None:
     assert alignment.correlation == pytest.approx(-np.sqrt(0.75), abs=0.05)
 
 
-@pytest.mark.slow
 def test_a_step_of_a_clock_is_reported_with_its_size() -> None:
     rng = np.random.default_rng(16)
     a, b = two_logs(wandering(rng), Clock(2.0, 0.0), rng)

@@ -75,7 +75,6 @@ def checked(
     return verify(arm, known, MEASURED, table_at_rest(machine.robot, table))
 
 
-@pytest.mark.slow
 def test_still_poses_are_held_against_a_robot_that_recordings_identified(
     drawn_run: Run, drawn_alone: Identification
 ) -> None:
@@ -90,7 +89,6 @@ def test_still_poses_are_held_against_a_robot_that_recordings_identified(
         assert named.size[0] == pytest.approx(1e-3, abs=4.0 * named.sigma[0])
 
 
-@pytest.mark.slow
 def test_a_target_that_was_identified_with_recordings_and_moved_is_named(drawn_run: Run) -> None:
     cell, logs, truth = drawn_run
     result = identify_together(cell, [logs], still_points(cell, truth, SEED))

@@ -22,7 +22,6 @@ KINEMATICS = FitOptions(model="dh")
 Run = tuple[Cell, Logs, Truth]
 
 
-@pytest.mark.slow
 def test_a_tracker_s_points_tell_what_a_recording_leaves_open(
     drawn_alone: Identification, drawn_mixed: Identification
 ) -> None:
@@ -45,7 +44,6 @@ def test_a_tracker_s_points_tell_what_a_recording_leaves_open(
     assert SIGMA < errors.mean() < 8.0 * SIGMA  # the robot's own scatter at rest is above it
 
 
-@pytest.mark.slow
 def test_a_few_points_beside_a_recording_do_not_judge_the_robot(drawn_run: Run) -> None:
     """Without one of four, seat and target are hardly known: "not the declared robot" it was."""
     cell, logs, truth = drawn_run
@@ -54,7 +52,6 @@ def test_a_few_points_beside_a_recording_do_not_judge_the_robot(drawn_run: Run) 
     assert any("4 poses of tracker hardly tell more" in w for w in result.verdict.warnings)
 
 
-@pytest.mark.slow
 def test_still_poses_of_another_robot_are_named(drawn_run: Run) -> None:
     """A zero of 0.5 mrad that only the still poses have."""
     cell, logs, truth = drawn_run
@@ -66,7 +63,6 @@ def test_still_poses_of_another_robot_are_named(drawn_run: Run) -> None:
     assert any("still poses of tracker lie" in warning for warning in result.verdict.warnings)
 
 
-@pytest.mark.slow
 def test_a_table_of_a_robot_of_another_name_is_refused(drawn_run: Run) -> None:
     cell, logs, truth = drawn_run
     table = replace(still_points(cell, truth, 3), robot=load_robot("ur5"))

@@ -40,7 +40,6 @@ def stepped(measured: Measured, kind: str, shift: Array, at: int, seed: int = 0)
     return PoseTable("ur5", true.robot, (group(measured, "hall", q, values, sigma),))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["point", "length"])
 @pytest.mark.parametrize("kind", ["seat", "target"])
 @pytest.mark.parametrize("size", [2e-4, 4e-3])
@@ -67,7 +66,6 @@ def test_held_out_rows_of_the_same_file_belong_to_the_right_side() -> None:
     assert result.within(whole.part(~fitted)).mean() > 0.8
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["point", "length"])
 @pytest.mark.parametrize("kind", ["seat", "target"])
 @pytest.mark.parametrize("size", [1e-2, 0.3])
@@ -138,7 +136,6 @@ def test_a_held_out_table_is_judged_with_the_target_as_it_stood() -> None:
         assert (step.other in outcome.sentence) == bool(outcome.moved)
 
 
-@pytest.mark.slow
 def test_a_seat_may_move_between_two_files() -> None:
     whole = stepped("point", "seat", np.array([2e-3, 0.0, 4e-3]), at=70)
     (group,) = whole.groups

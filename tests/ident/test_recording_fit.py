@@ -36,7 +36,6 @@ def fitted() -> RecordingFit:
     return fit_recording(CELL, minute_logs(true=TRUE), OPTIONS)
 
 
-@pytest.mark.slow
 def test_machine_and_clock_are_found_within_their_stated_noise(fitted: RecordingFit) -> None:
     layout = fitted.fit.model.unknowns
     true = [TRUE[name] for name in layout.names[:-2]] + [LATE.offset, LATE.skew]
@@ -85,7 +84,6 @@ def test_the_nominal_robot_is_placed_as_well_as_possible(fitted: RecordingFit) -
     assert rms[1] < 5e-5
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("encoders", [(), (1, 2)])
 def test_a_ball_bar_with_few_encoders_or_none_is_fitted_alike(encoders: tuple[int, ...]) -> None:
     found = fit_recording(CELL, minute_logs(true=TRUE, encoders=encoders), OPTIONS)
@@ -94,7 +92,6 @@ def test_a_ball_bar_with_few_encoders_or_none_is_fitted_alike(encoders: tuple[in
     assert found.fit.chi2_per_dof == pytest.approx(1.0, abs=0.3)
 
 
-@pytest.mark.slow
 def test_a_known_reading_of_the_logs_leads_to_the_same_fit_without_a_search(
     fitted: RecordingFit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -106,7 +103,6 @@ def test_a_known_reading_of_the_logs_leads_to_the_same_fit_without_a_search(
     assert again.start.tried == 1
 
 
-@pytest.mark.slow
 def test_stages_are_told() -> None:
     stages: list[str] = []
     fit_recording(CELL, minute_logs(), OPTIONS, Listener(stages.append))
@@ -131,7 +127,6 @@ def test_requested_parameters_are_judged_and_no_others(fitted: RecordingFit) -> 
     assert [(d.name, d.on) for d in found.dropped] == [("rd1", ("oz",))]
 
 
-@pytest.mark.slow
 def test_smoothing_takes_both_logs_or_the_robots_alone() -> None:
     robot, ballbar, encoders = smoothed(minute_logs())
     assert encoders == (1, 2, 4, 5)

@@ -14,7 +14,6 @@ from tests.helpers.simulated_recordings import record
 RESET = 9_000_000  # counts, 3.8 rad
 
 
-@pytest.mark.slow
 def test_a_clock_set_back_and_a_counter_reset_leave_the_alignment_within_100_us(
     tmp_path: Path,
 ) -> None:

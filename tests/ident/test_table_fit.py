@@ -50,7 +50,6 @@ def tcp_error(result: TableEstimate, true: TrueRobot, seed: int = 9) -> float:
     return position_error(arm.tool(q), true.positions(q)).mean
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "measured", "limit"),
     [  # [m] with 20 um of noise and 200 poses; measured 4 to 14 um
@@ -68,7 +67,6 @@ def test_a_robot_is_identified_to_its_truth(name: str, measured: str, limit: flo
     assert result.residual_nominal.mean() > 10.0 * result.residual.mean()
 
 
-@pytest.mark.slow
 def test_a_seven_axis_robot_is_identified_from_sockets_alone() -> None:
     true = true_robot("panda", sag=0.0)
     result = fit_table(socket_table(true, count=12), PLAIN)
@@ -81,7 +79,6 @@ def test_a_seven_axis_robot_is_identified_from_sockets_alone() -> None:
     assert before > 0.0
 
 
-@pytest.mark.slow
 def test_joint_errors_are_found_without_being_told() -> None:
     """Two orders of 200 urad are found, first of all, and lower the error of new poses."""
     true = true_robot("ur5", orders=[(1, 17), (2, 9)])
@@ -92,7 +89,6 @@ def test_joint_errors_are_found_without_being_told() -> None:
     assert tcp_error(result, true) < 0.2 * tcp_error(fit_table(table, PLAIN), true)
 
 
-@pytest.mark.slow
 def test_white_noise_has_no_orders() -> None:
     for seed in range(3):
         result = fit_table(table_of(true_robot("ur5", seed=seed), count=300, seed=seed))
@@ -111,7 +107,6 @@ def test_candidates_of_a_coupled_robot_move_what_their_correction_moves() -> Non
     assert column == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.slow
 def test_joint_errors_learned_on_one_table_are_kept_on_another() -> None:
     true = true_robot("ur5", orders=[(1, 17)])
     taught = fit_table(table_of(true, count=400))
@@ -123,7 +118,6 @@ def test_joint_errors_learned_on_one_table_are_kept_on_another() -> None:
     assert tcp_error(with_it, true) < 0.5 * tcp_error(fit_table(few, PLAIN), true)
 
 
-@pytest.mark.slow
 def test_stated_regions_hold_as_often_as_they_say() -> None:
     """New poses of ten robots; a model error that nobody declared is in the data."""
     inside = []
@@ -387,7 +381,6 @@ def test_only_what_lies_beyond_the_fitted_range_is_said_to() -> None:
     )
 
 
-@pytest.mark.slow
 def test_what_was_measured_at_one_place_is_good_after_another_place_alone() -> None:
     """Sockets of one site stated 0.19 mm and a good fit where the next site shows 0.55."""
     table = socket_table(true_robot("panda"), count=40)
@@ -414,7 +407,6 @@ def test_what_was_measured_at_one_place_is_good_after_another_place_alone() -> N
     assert verdict_of(fit_table(two, FitOptions(joint_errors="none"))).status is Status.GOOD
 
 
-@pytest.mark.slow
 def test_a_place_left_out_is_predicted_as_by_a_fit_without_it() -> None:
     table = socket_table(true_robot("panda"), count=40)
     groups = tuple(  # the robot errs at site 2 in a way that the model has not
@@ -447,7 +439,6 @@ def test_the_figure_at_the_poses_and_the_extrapolated_one() -> None:
     assert result.sigma_at_poses.mean() < 0.95 * result.tcp_sigma.mean()
 
 
-@pytest.mark.slow
 def test_a_pose_seen_from_three_seats_is_not_measured_repeatedly() -> None:
     lengths = table_of(true_robot("ur5"), "length", count=120)
     again = replace(lengths, groups=lengths.groups[:1] * 2)

@@ -11,13 +11,14 @@ from scipy.signal import lfilter
 
 from ballbar.acquisition.recording import Recording, read_recording
 from ballbar.cell.arrays import Array
+from ballbar.cell.clock import Clock
 from ballbar.cell.geometry import Geometry
 from ballbar.cell.logs import TrackerLog
 from ballbar.ident.identify import identify_together
 from ballbar.ident.options import DEFAULTS
 from ballbar.ident.recording_fit import Logs, fit_recording
 from ballbar.ident.result import Identification
-from ballbar.ident.tracker import LEAST, NOT_COMPARED, TrackerCheck, check_tracker
+from ballbar.ident.tracker import LEAST, NOT_COMPARED, PointErrors, TrackerCheck, check_tracker
 from ballbar.ident.verdict import SUSPECT, Status
 from ballbar.sim.logging.load_logs import TRACKER_EPOCH, tracker_rows
 from ballbar.truth.compare import identification_against_truth
@@ -248,3 +249,26 @@ def test_a_log_that_is_too_short_validates_nothing_and_says_so(
     assert short.recordings[0].tracker is None
     assert NOT_COMPARED in short.verdict.warnings
     assert short.verdict.status is Status.GOOD
+
+
+def test_a_check_is_said_in_millimetres_and_judged_by_all_that_explains_it() -> None:
+    """Distances of 30 and 40 um; noise of 20 um, an accuracy of 10 um an axis, 20 um stated."""
+    errors = PointErrors(np.array([[3e-5, 0, 0], [0, 4e-5, 0]]), Clock(0.0, 0.0), 4)
+    nominal = PointErrors(1e-3 * np.eye(3)[:2], Clock(0.0, 0.0), 4)
+    check = TrackerCheck(
+        np.zeros(2), errors, nominal, noise=2e-5, accuracy=1e-5, tcp_sigma=2e-5,
+        followed=None,  # type: ignore[arg-type]
+    )  # fmt: skip
+    assert (errors.rms, errors.largest) == pytest.approx((np.sqrt(12.5e-10), 4e-5))
+    assert check.degrees == 2
+    assert check.expected == pytest.approx(np.sqrt(8e-10))
+    assert replace(check, accuracy=2e-5).expected == pytest.approx(np.sqrt(16e-10))
+    assert check.sentence.startswith(
+        "Tracker: its 2 points are 0.035 mm rms (largest 0.040) from the identified robot's and "
+        "1.000 mm rms (largest 1.000) from the nominal robot's; its noise makes 0.020 mm. "
+    )
+    assert "(4 unknowns, 2 degrees of freedom)" in check.sentence
+    assert "are 0.04 mm rms off, and noise, accuracy and the stated TCP uncertainty" in check.care
+    assert "explain 0.03 mm." in check.care
+    assert replace(check, noise=3e-5).acceptable
+    assert not replace(check, noise=1e-6, accuracy=1e-6, tcp_sigma=1e-6).acceptable

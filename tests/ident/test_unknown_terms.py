@@ -60,13 +60,11 @@ def sound() -> Fit:
     return fitted(elastic(), elastic(seed=1))
 
 
-@pytest.mark.slow
 def test_a_machine_that_needs_none_of_them_gets_none(sound: Fit) -> None:
     assert not names(sound) & set(ON_EVIDENCE)
     assert search_knees(sound) == []
 
 
-@pytest.mark.slow
 def test_lags_of_single_joints_are_found_relative_to_the_first() -> None:
     """Filters of the first order; together they shift the clock."""
     lags = np.array([8e-3, 10e-3, 12e-3, 8e-3, 10e-3, 12e-3])
@@ -100,7 +98,6 @@ def scaled(logs: Logs, factor: float) -> Logs:
     return changed(logs, change)
 
 
-@pytest.mark.slow
 def test_a_motor_that_is_scaled_is_a_gear_of_another_ratio() -> None:
     fit = fitted(scaled(elastic(), 1.001))
     assert GEAR_RATIO in names(fit)
@@ -109,13 +106,11 @@ def test_a_motor_that_is_scaled_is_a_gear_of_another_ratio() -> None:
     assert "gear 6 turns 0.999" in wrong_ratios(fit, sigma)
 
 
-@pytest.mark.slow
 def test_what_a_slow_error_of_a_joint_looks_like_is_no_other_ratio() -> None:
     """1e-4 rad of the third order over part of a turn; such a term doubled the TCP error."""
     assert GEAR_RATIO not in names(fitted(scaled(elastic(), 1.0004)))
 
 
-@pytest.mark.slow
 def test_bearings_that_tilt_are_found_and_their_loss_is_the_free_robots_too() -> None:
     compliance = 3e-7  # [rad/(N m)] of every axis
 
@@ -143,7 +138,6 @@ def test_bearings_that_tilt_are_found_and_their_loss_is_the_free_robots_too() ->
     assert "bearing_tilt" in unsupported(negative)
 
 
-@pytest.mark.slow
 def test_a_remounted_tool_and_links_that_grow_are_found_and_named() -> None:
     shift = 5e-5  # [m] along the plate
 
@@ -185,7 +179,6 @@ def softer_below(gear: int, knee: float) -> Logs:
     return changed(elastic(), softer)
 
 
-@pytest.mark.slow
 def test_a_gear_that_is_softer_below_a_knee_is_found_with_its_knee() -> None:
     gear, knee = 1, 120.0  # [N m]
     recording = fit_recording(CELL, softer_below(gear, knee), OPTIONS)
@@ -200,7 +193,6 @@ def test_a_gear_that_is_softer_below_a_knee_is_found_with_its_knee() -> None:
     )
 
 
-@pytest.mark.slow
 def test_a_knee_that_is_off_moves_to_where_the_gear_has_it() -> None:
     """Most of the way at once; a small one moves by no more than two fifths."""
     gear, knee = 1, 120.0  # [N m]

@@ -110,7 +110,6 @@ def drawn_change(robot: Stored, k: int, rng: np.random.Generator) -> tuple[PoseT
     return point_table(robot.drawn, q, NOISE, rng, zero=zero), "axis", str(joint + 1)
 
 
-@pytest.mark.slow
 def test_a_single_change_is_found_and_named(robot: Stored) -> None:
     """At least 90 % of 50 draws, half of each robot. Measured: 300 of 300, of three robots."""
     rng = np.random.default_rng(3)
@@ -125,7 +124,6 @@ TURNED = TARGET + 6e-4 * np.cross([0.0, 0.0, 1.0], TARGET) / np.linalg.norm(TARG
 BEHIND_A_ROD = 1.5e-3 * np.array([0.0, 1.0, -1.0, 0.0, 0.0, 0.0])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change", "expected"),
     [
@@ -145,7 +143,6 @@ def test_a_turn_of_the_target_and_an_axis_of_two_joints_are_what_they_are(
         assert names(robot.check(table)) == expected
 
 
-@pytest.mark.slow
 def test_a_longer_link_is_not_taken_for_the_zero_of_its_axis() -> None:
     """0.6 mm of a3 were called the zero of joint 3 by -0.85 mrad in 10 of 12 checks."""
     robot = stored("irb1600", seed=1)
@@ -159,7 +156,6 @@ def test_a_longer_link_is_not_taken_for_the_zero_of_its_axis() -> None:
         assert outcome.named[0].size[0] == pytest.approx(6e-4, abs=1e-4)
 
 
-@pytest.mark.slow
 def test_the_size_of_a_lost_zero_is_stated_also_where_it_is_large(robot: Stored) -> None:
     rng = np.random.default_rng(4)
     for size in (1e-3, 0.05):
@@ -191,7 +187,6 @@ def test_two_changes_at_once_are_not_given_one_name(robot: Stored) -> None:
     assert "No single cause" in outcome.sentence
 
 
-@pytest.mark.slow
 def test_distances_from_new_places_do_as_well(robot: Stored) -> None:
     rng = np.random.default_rng(7)
     seats = np.array([[0.9, 0.4, 0.0], [0.2, -0.9, 0.3], [-0.6, 0.7, 0.1]])
@@ -234,7 +229,6 @@ def test_poses_at_one_spot_hold_nothing_that_is_worth_saying(robot: Stored) -> N
     assert not {2, 3, 4} & set(spread.blind)
 
 
-@pytest.mark.slow
 def test_sockets_show_that_a_calibration_holds() -> None:
     true = true_robot("ur10")
     result = fit_table(table_of(true, noise=3e-5), FitOptions(joint_errors="none"))

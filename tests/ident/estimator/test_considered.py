@@ -145,7 +145,6 @@ def test_few_samples_of_a_recording_give_the_same_shifts(
     assert np.abs((half - every) / sigma).max() < 0.2
 
 
-@pytest.mark.slow
 def test_compliances_scatter_over_drawn_masses_as_stated(
     elastic_fit: Fit, deviated: tuple[Cell, ...]
 ) -> None:

@@ -65,7 +65,6 @@ def test_the_gradient_is_half_the_derivative_of_the_cost_of_a_trial(
         assert 0.5 * (ahead - behind) == pytest.approx(slope, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_blocks_of_samples_add_up_to_the_same_equations(
     machine: CompleteModel, equations: NormalEquations, monkeypatch: pytest.MonkeyPatch
 ) -> None:

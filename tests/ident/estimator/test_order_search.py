@@ -113,7 +113,6 @@ def along_a_path(seed: int) -> LinearModel:
     return replace(model, joints=joints, residual=steps[:, :POSES])
 
 
-@pytest.mark.slow
 def test_an_error_that_neighbouring_samples_share_is_no_evidence() -> None:
     alone, together = 0, 0
     for seed in range(10):
@@ -135,7 +134,6 @@ def test_an_order_is_found_in_few_blocks_whose_size_differs() -> None:
     assert search_orders(replace(model, few=False), PRIOR).spectrum_before.max() <= BLOCKS
 
 
-@pytest.mark.slow
 def test_the_statistic_of_few_blocks_is_exceeded_as_often_as_chi_square() -> None:
     """Scores of 20 equal blocks: of chi-square with two degrees 1 % exceed 9.21."""
     rng, blocks, trials = np.random.default_rng(4), 20, 20000

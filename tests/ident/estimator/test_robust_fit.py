@@ -61,7 +61,6 @@ def fitted(stated: float, *, repeated: int = 1, held: bool = False) -> Fit:
     return fit_robustly(model, model.unknowns.mean.copy())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["point", "length", "socket"])
 def test_priors_count_once_and_the_gradient_is_half_the_derivative_of_the_cost(
     measured: Measured,

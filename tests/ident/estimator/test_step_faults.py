@@ -190,7 +190,6 @@ def test_a_step_at_either_end_is_little_more_than_a_different_start(at: float) -
     assert fault is None or TIMES[14] < fault.time < TIMES[-15]
 
 
-@pytest.mark.slow
 def test_a_slip_is_found_among_all_corrections(machine: CompleteModel) -> None:
     """The reading of b4 jumps by one signal period of 3600 lines behind t = 40 s."""
     ballbar = machine.ballbar.copy()

@@ -36,7 +36,6 @@ def model_of(table: PoseTable) -> Model:
     return still_model(table, layout, chosen, np.zeros(table.robot.joints))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("measured", list(kinds()))
 def test_jacobian_is_the_difference_of_the_whitened_residual(measured: str) -> None:
     """All unknowns, at a value away from the start; the weights are held."""

@@ -30,7 +30,6 @@ def elastic() -> Fit:
     return fit_pose(posed(CELL, recordings, chosen, OPTIONS), FIRST_EXCESS)
 
 
-@pytest.mark.slow
 def test_blocks_add_up_to_the_fit(elastic: Fit) -> None:
     blocks = time_blocks(elastic)
     weight = elastic.model.unknowns.sigma**-2.0
@@ -48,7 +47,6 @@ def test_blocks_add_up_to_the_fit(elastic: Fit) -> None:
     assert (np.bincount(blocks.recording) == 10).all()  # of 60 s
 
 
-@pytest.mark.slow
 def test_held_out_cost_is_that_of_fits_without_the_blocks(elastic: Fit) -> None:
     compliance = coefficients_of(elastic, elastic.model.corrections[0])
     for absent in (NOTHING, np.r_[compliance]):
@@ -56,7 +54,6 @@ def test_held_out_cost_is_that_of_fits_without_the_blocks(elastic: Fit) -> None:
         assert time_blocks(elastic).held_out_cost(absent) == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.slow
 def test_what_the_machine_has_lowers_the_held_out_cost(elastic: Fit) -> None:
     blocks = time_blocks(elastic)
     compliance = np.r_[coefficients_of(elastic, elastic.model.corrections[0])]

@@ -128,7 +128,6 @@ def test_correlations_stay_those_of_the_normal_equations(slow: Fit) -> None:
     assert a == pytest.approx(b, abs=1e-6)
 
 
-@pytest.mark.slow
 def test_stated_deviations_hold_over_many_seeds_of_slow_noise() -> None:
     """Mean square of the normalised errors: 5 if the residuals were taken for white."""
     robust, white = [], []

@@ -105,7 +105,6 @@ def test_torques_logged_in_coarser_rows_serve_as_well(samples: Samples, torque: 
     assert np.sqrt((off**2).mean()) < 1.5
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("lag", [-1.13, 0.37, 1.9])
 def test_a_sensor_on_a_clock_of_its_own_is_aligned_by_what_it_should_measure(
     samples: Samples, lag: float

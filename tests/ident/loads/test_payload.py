@@ -72,7 +72,6 @@ def weight(cell: Cell) -> Array:
     return own_weight(mass_model(cell), NOMINAL, motion_at(T[::10]).q).gear
 
 
-@pytest.mark.slow
 def test_loads_are_better_known_than_by_the_files_and_within_their_covariance() -> None:
     """Masses, centres and gains are drawn; a gain is one of the rod's share of the torque too."""
     errors, stated, of_files = [], [], []
@@ -109,7 +108,6 @@ def test_a_cell_with_other_masses_has_these_and_nothing_else() -> None:
     assert np.array_equal(cell.robot.a, CELL.robot.a)
 
 
-@pytest.mark.slow
 def test_recordings_under_two_tools_are_not_pooled() -> None:
     body = CELL.plate.body
     heavier = with_payload(CELL, Payload(2.5 * body.mass, body.com))

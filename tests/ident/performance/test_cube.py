@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from ballbar.cell.arrays import Array
 from ballbar.cell.chain import forward
 from ballbar.cell.geometry import nominal_chain, robot_geometry
 from ballbar.cell.load import load_robot
 from ballbar.cell.numerical_inverse import dexterity
 from ballbar.cell.robot_angles import joints_to_axes
+from ballbar.ident.performance import cube
 from ballbar.ident.performance.cube import SIDES, cube_points, fitting_cube
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.identified_kinematics import SINGULAR, IdentifiedKinematics, kinematics
@@ -92,3 +97,22 @@ def test_where_no_cube_fits_the_ranges_one_that_is_asked_for_may_leave_them() ->
 
 def test_five_axes_keep_no_orientation() -> None:
     assert fitting_cube(*nominal_robot("so101")) is None
+
+
+def test_no_cube_reaches_below_the_base_or_holds_the_column(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Centres on either side of a tenth of the chain's length, here 2 m, before a side of 0.5 m."""
+
+    def nearest(poses: Array, first: Array) -> SimpleNamespace:
+        yes = np.ones(len(poses), dtype=bool)
+        return SimpleNamespace(reached=yes, within=yes, singular=~yes, q=first)
+
+    monkeypatch.setattr(cube, "length_of", lambda _: 2.0)
+    nominal: Any = SimpleNamespace(nominal=None, nearest=nearest)
+    ends = np.tile(np.eye(4), (4, 1, 1))
+    ends[:, :3, 3] = [[0.46, 0, 0.26], [0.44, 0, 0.26], [0.1, -0.46, 0.26], [0.46, 0, 0.24]]
+    rows, poses, q = cube._taken(nominal, ends, np.zeros(6), 0.5)
+    assert rows.tolist() == [0, 2]
+    assert (poses.shape, q.shape) == ((2, 5, 4, 4), (2, 5, 6))
+    np.testing.assert_allclose(poses[:, 0, :3, 3], ends[rows, :3, 3])

@@ -18,13 +18,20 @@ from ballbar.ident.performance.cube import TestCube, fitting_cube
 from ballbar.ident.performance.iso_230_4 import circular_test, mean_path
 from ballbar.ident.performance.measured import (
     MeasuredCircle,
+    _laps,
     circle_rows,
     laps_of,
     measure,
     path_rows,
 )
 from ballbar.ident.performance.predicted import RobotPair
-from ballbar.ident.performance.repeated_poses import Attained, repetitions
+from ballbar.ident.performance.repeated_poses import (
+    Attained,
+    _about,
+    _spread,
+    noise_remark,
+    repetitions,
+)
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.identified_kinematics import kinematics
 from tests.helpers.circular_path import circle_angles
@@ -359,3 +366,35 @@ def test_path_characteristics_of_three_laps() -> None:
     assert [rows[f"AT_{c}"] for c in "abc"] == pytest.approx([3e-3, 0.0, 2e-3], abs=2e-5)
     expected = 3.0 * 1e-3
     assert [rows[f"RT_{c}"] for c in "abc"] == pytest.approx([0.0, 0.0, expected], abs=6e-5)
+
+
+def test_an_interval_lies_about_a_mean_and_is_skewed_about_a_spread() -> None:
+    """The deviation of ten values is known to 0.69 and 1.83 times it (chi-square of nine)."""
+    about = _about(2.0, 0.5)
+    assert (about.value, about.low, about.high) == (2.0, 1.5, 2.5)
+    spread = _spread(1e-3, 10, "so")
+    assert spread.low == pytest.approx(0.6878e-3, rel=1e-3)
+    assert spread.high == pytest.approx(1.8256e-3, rel=1e-3)
+    assert (spread.value, spread.reason) == (1e-3, "so")
+
+
+def test_the_noise_of_an_instrument_makes_a_repeatability_of_its_own() -> None:
+    """Distances of 1 mm noise in each direction from their mean: 1.596 and three times 0.673."""
+    (drawn,) = repeated_table().groups
+    (one,) = with_group(repeated_table(), sigma=np.full(drawn.sigma.shape, 1e-3)).groups
+    assert noise_remark(one).startswith("3.6 mm would follow")
+
+
+def test_points_of_a_lap_are_those_between_its_start_and_the_next() -> None:
+    """A path that drifts from lap to lap: what a lap attained is not taken from its neighbours."""
+    time = np.arange(0.0, 40.0, 0.01)
+    turn = 2.0 * np.pi * time / 10.0
+    way = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
+    out = way * (1.0 + 1e-3 * np.floor((time - 2.5) / 10.0 + 1e-9))[:, None]
+    attained, commanded = _laps(time, Attained(way, out, None), np.array([2.5, 12.5, 22.5]), 10.0)
+    assert attained.shape[0] == 3
+    assert attained.shape[1] > 0.9 * len(commanded) > 50
+    inner = attained[:, 5:-5]
+    radius = np.linalg.norm(inner, axis=2)
+    for lap in range(3):
+        np.testing.assert_allclose(radius[lap], 1.0 + 1e-3 * lap, atol=2e-5)

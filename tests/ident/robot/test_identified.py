@@ -79,7 +79,6 @@ def test_a_load_that_hardly_decides_leaves_a_gear_in_the_middle() -> None:
     assert np.array_equal(backlash_flanks(load), [[0, 1, -1]] * 6)
 
 
-@pytest.mark.slow
 def test_the_tool_moves_as_its_jacobian_says(robot: IdentifiedRobot, q: Array) -> None:
     """Central differences; rod and encoders do not move a free tool."""
     names = ["ra2", "rtheta4", "ralpha1", "bd3", "ox"]

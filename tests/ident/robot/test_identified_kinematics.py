@@ -255,7 +255,6 @@ class Aligned:
         return back + centre - self.there, back / factor + centre - self.there
 
 
-@pytest.mark.slow
 def test_the_uncertainty_is_that_of_robots_one_standard_deviation_off_with_their_bases_aligned(
     cell: Cell, nominal: Geometry
 ) -> None:
@@ -447,7 +446,6 @@ def test_a_corrected_target_leads_the_identified_robot_to_the_nominal_pose(
     assert np.abs(lighter.q - done.q).max() > 1e-5, "the payload counts"
 
 
-@pytest.mark.slow
 def test_the_example_serves_a_result_to_a_plain_program(
     result: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

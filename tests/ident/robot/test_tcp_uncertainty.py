@@ -67,7 +67,6 @@ def test_the_squares_of_parts_of_the_covariance_add_up(
     assert np.hypot(*parts) == pytest.approx(rms(stated.without_scale))
 
 
-@pytest.mark.slow
 def test_both_figures_are_the_spread_of_drawn_robots(
     stated: TcpUncertainty, drawn: tuple[Array, Array, Array]
 ) -> None:
@@ -77,7 +76,6 @@ def test_both_figures_are_the_spread_of_drawn_robots(
     assert np.sqrt((without**2).mean(axis=0)) == pytest.approx(stated.without_scale, rel=0.1)
 
 
-@pytest.mark.slow
 def test_the_share_of_the_scale_is_that_of_drawn_robots(
     stated: TcpUncertainty, drawn: tuple[Array, Array, Array]
 ) -> None:

@@ -51,7 +51,6 @@ def test_a_quick_motion_gets_closer_knots_than_a_slow_one() -> None:
     )
 
 
-@pytest.mark.slow
 def test_a_log_with_two_of_three_rows_lost_for_seconds_is_smoothed_as_well_as_any() -> None:
     for seed in range(100):
         rng = np.random.default_rng(seed)

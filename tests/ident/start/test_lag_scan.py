@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,7 +22,6 @@ from ballbar.ident.start.speed_scan import likely_pairs, scan_speeds, speed_corr
 STEP = 0.02  # [s]
 
 
-@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     st.integers(-2000, 2000),

@@ -92,7 +92,6 @@ def test_printed_scalars_halve_the_error_in_each_step(
     assert np.abs((whole.geometry.values - true.values)[chosen]).max() <= EXACT
 
 
-@pytest.mark.slow
 def test_with_noise_the_printed_scalar_crawls_where_the_vector_form_is_done(
     path: ReferencePath, exact: Angles, nominal: Geometry, true: Geometry
 ) -> None:

@@ -45,7 +45,6 @@ def test_at_the_true_geometry_the_least_cost_lies_at_the_true_shift(
     assert found == pytest.approx(LATE, abs=1e-6)
 
 
-@pytest.mark.slow
 def test_identifying_and_shifting_in_turns_approaches_the_clock_by_a_constant_factor(
     path: ReferencePath, shifted: dict[str, Array], nominal: Geometry, true: Geometry
 ) -> None:
