@@ -170,7 +170,7 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     declared = min(float(p.position_sigma.min()) for p in points)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
     white, ratios = 0.0, list[Array]()
-    told = any(p.still.common is not None for p in points)
+    own_noise = any(p.still.common is not None for p in points)
     for point, (rest, spread, k), parts in zip(points, judged, together, strict=True):
         beyond, own = variance, spread[k]
         if point.still.common is None:
@@ -189,7 +189,7 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
         counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
         white=float(np.sqrt(min(max(white, 0.0) / count, variance))),
-        factor=_factor_beyond_chance(ratio) if told else float(np.quantile(ratio, LEVEL)),
+        factor=_factor_beyond_chance(ratio) if own_noise else float(np.quantile(ratio, LEVEL)),
         of_points=0.0 if only_lengths(table) else float(np.sqrt(variance)),
         joint_sigma=_joint_sigma(fit) if only_lengths(table) else 0.0,
         play=_play(table.robot),

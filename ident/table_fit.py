@@ -247,9 +247,9 @@ def _with_common_scales(fit: Fit, left_out: NDArray[np.intp]) -> Fit:
         coefficients = correction.coefficients
         if correction.one_scale:
             chosen = np.array([names.index(c.name) for c in coefficients], dtype=np.intp)
-            told = common_scale(fit, chosen, np.array([c.sigma for c in coefficients]))
-            coefficients = tuple(replace(c, sigma=told.scale * c.sigma) for c in coefficients)
-            doubts.append(told.doubt)
+            scaled = common_scale(fit, chosen, np.array([c.sigma for c in coefficients]))
+            coefficients = tuple(replace(c, sigma=scaled.scale * c.sigma) for c in coefficients)
+            doubts.append(scaled.doubt)
         corrections.append(replace(correction, coefficients=coefficients))
     if not doubts:
         return replace(fit, covariance=robust_covariance(fit))

@@ -56,16 +56,16 @@ def at_scales(fit: Fit) -> tuple[Array, Array]:
 def test_the_scale_and_its_doubt_are_those_of_the_density_of_what_the_data_tell(sag: float) -> None:
     fit = fitted(sag)
     own = np.array([fit.model.unknowns.names.index(name) for name in NAMES])
-    told = common_scale(fit, own, np.full(own.size, PRIOR))
+    found = common_scale(fit, own, np.full(own.size, PRIOR))
     weight, estimates = at_scales(fit)
-    assert told.scale**2 == pytest.approx(weight @ SCALES**2, rel=1e-5)
+    assert found.scale**2 == pytest.approx(weight @ SCALES**2, rel=1e-5)
     data = fit.linear.normal.copy()
-    data[own, own] += (told.scale * PRIOR) ** -2.0 - fit.model.unknowns.sigma[own] ** -2.0
+    data[own, own] += (found.scale * PRIOR) ** -2.0 - fit.model.unknowns.sigma[own] ** -2.0
     off = estimates - np.linalg.solve(data, fit.linear.normal @ fit.x)
     second = np.einsum("s,sp,sq->pq", weight, off, off)
     size = np.sqrt(np.diag(second))
-    assert np.abs(told.doubt - second).max() < 1e-4 * np.outer(size, size).max()
-    assert np.diag(told.doubt) == pytest.approx(np.diag(second), rel=1e-3, abs=1e-20)
+    assert np.abs(found.doubt - second).max() < 1e-4 * np.outer(size, size).max()
+    assert np.diag(found.doubt) == pytest.approx(np.diag(second), rel=1e-3, abs=1e-20)
 
 
 def test_a_robot_that_sags_more_has_the_larger_scale() -> None:
