@@ -5,7 +5,9 @@ priors and noise without the inflation for autocorrelated residuals, and pushed 
 of the unloaded tool, base aligned. The median over the draws of their mean and largest distance is
 what a median robot of an ideal identification has (a Bayesian Cramer-Rao bound).
 The noise is the one that the fit estimated; what no unknown of the model describes is not in it:
-ripple of unlisted orders, errors of the masses.
+ripple of unlisted orders, errors of the masses. Plate and axis offset set the scale, which no path
+shows, so over few machines the median is mostly that of their draws. The bound at drawn lengths is
+that of the same machines with the errors of these two that they have.
 
 Intervals: parameters that the fit calls identified, in the gauge that it holds fixed. rd1 and
 rtheta1 move the base alone; rd3 goes to rd2, since axes 2 and 3 are parallel. The mean of a gear's
@@ -29,20 +31,34 @@ INTERVAL = 1.96  # standard deviations, 95 %
 STEPS = 7200  # of a turn
 EITHER_WAY = (2, 4)  # encoders whose direction no log shows
 KINDS = ("a", "d", "alpha", "theta", "beta")
+OFFSET = "ba5"  # of the ball-bar's last axis: as good as a length of the plate
 
 
-def bound_draws(found: Identification, q: Array, seed: int) -> Array:
-    """(2, DRAWS) [m] mean and largest distance of the tool at q (N, J) [rad], draw by draw."""
+def bound_draws(
+    found: Identification, q: Array, seed: int, lengths: Machine | None = None
+) -> Array:
+    """(2, DRAWS) [m] mean and largest distance of the tool at q (N, J) [rad], draw by draw.
+
+    lengths : machine whose errors of plate and axis offset all draws have; None draws them too.
+    """
     robot, covariance = found.robot.identified, found.robot.covariance
     table = found.robot.geometry.table
-    shared = np.array([table.index[name] for name in covariance.names if name in table.index])
-    moves = robot.jacobian(q, shared)
+    names = [name for name in covariance.names if name in table.index]
+    moves = robot.jacobian(q, np.array([table.index[name] for name in names]))
     columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))
     basis = rigid_basis(robot.tool(q))
     columns = columns - basis @ (basis.T @ columns)
     values, vectors = np.linalg.eigh(covariance.white)
     normal = np.random.default_rng(seed).standard_normal((values.size, DRAWS))
     errors = vectors @ (np.sqrt(np.maximum(values, 0.0))[:, None] * normal)
+    if lengths is not None:
+        of_scale = [k for k, name in enumerate(names) if name in (OFFSET, table.plate)]
+        nominal, truth = found.robot.nominal, true_geometry(found.robot.nominal, lengths)
+        known = np.array([nominal[names[k]] - truth[names[k]] for k in of_scale])
+        per_length = np.linalg.solve(
+            covariance.white[np.ix_(of_scale, of_scale)], covariance.white[of_scale]
+        )
+        errors += per_length.T @ (known[:, None] - errors[of_scale])
     distance = np.linalg.norm((columns @ errors).reshape(-1, 3, DRAWS), axis=1)
     return np.stack((distance.mean(axis=0), distance.max(axis=0)))
 
