@@ -377,7 +377,7 @@ def write_figures(data: Data, folder: Path) -> None:
     result, sag = fit_table(fitted), fit_table(fitted, SAG_ONLY)
     assert result.search is not None  # searched by default
     spectra = order_spectra(result.search.spectrum_before, result.search.spectrum_after)
-    nominal = replace(result.nominal.model, table=judged).evaluate(result.nominal.x)
+    nominal = replace(result.nominal.model, table=judged).at_rest(result.nominal.x)
     before = np.concatenate([np.linalg.norm(p.closure.error[:3], axis=0) for p in nominal])
     curves = [
         Distribution("nominal robot", before, BEFORE),

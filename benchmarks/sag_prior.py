@@ -1,9 +1,11 @@
 """Errors of poses that were not fitted, for several priors of the unit weights' coefficients.
 
     python -m benchmarks.sag_prior --data ../shared/real_robots [--splits 4] [--only NAME ...]
+        [--priors NAME ...]
 
 Priors of 1 to 30 mrad per metre of lever; `tails` : those of Student's distribution, as the priors
-of the geometry have them; `target` : a unit weight at the target besides those at the frames'
+of the geometry have them; `scaled` : their common scale by its evidence, as the product has it;
+`target` : a unit weight at the target besides those at the frames'
 origins; `offset` : two more beside the flange's origin. Measured robots as in
 benchmarks.real_robots; simulated ones without sag, with 0.3 mrad/m, and with a tool of 3 kg on
 gears of 2e-4 and 6e-4 rad/(N m), which makes 5 to 20 mrad/m. The simulated ones have errors of 12
@@ -15,13 +17,16 @@ split and prior.
 from __future__ import annotations
 
 import argparse
+import importlib
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.chain import Frames, cross, forward
@@ -30,10 +35,10 @@ from ballbar.cell.files import write_whole
 from ballbar.cell.geometry import nominal_chain
 from ballbar.cell.poses import PoseTable
 from ballbar.ident import table_fit
-from ballbar.ident.corrections import unit_weights as weights
 from ballbar.ident.corrections.base import GEAR, Coefficient, Correction, State
 from ballbar.ident.estimator import robust_fit as fit
-from ballbar.ident.estimator.priors import with_tails
+from ballbar.ident.estimator.common_scale import CommonScale
+from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.unknowns import Unknowns
 from ballbar.ident.robot.accuracy import position_error
 from ballbar.ident.start.placements import start_of_poses
@@ -51,6 +56,7 @@ TOOL_AT = np.array([0.02, 0.0, 0.08])  # [m] centre of mass in the flange's fram
 COMPLIANCE = 2e-4, 6e-4  # [rad/(N m)] main axes and wrist
 ORDERS, AMPLITUDE = ((1, 17), (2, 12)), 1e-4  # [rad]
 
+weights = importlib.import_module("ballbar.ident.corrections.unit_weights")
 Judge = Callable[[TableEstimate], tuple[Array, float]]  # [mm] errors, share in the regions
 
 
@@ -61,12 +67,14 @@ class Prior:
     name: str
     sigma: float  # [rad/m]
     tails: bool = False
+    scaled: bool = False
     more: str = ""  # unit weights
 
 
 PRIORS = (
     *(Prior(f"{mrad}", 1e-3 * mrad) for mrad in (1, 2, 3, 5, 10, 30)),
     *(Prior(f"{mrad} tails", 1e-3 * mrad, tails=True) for mrad in (1, 2, 3)),
+    Prior("3 tails scaled", 3e-3, tails=True, scaled=True),
     *(Prior(f"3 tails {more}", 3e-3, tails=True, more=more) for more in ("target", "offset")),
 )
 BESIDE = 0.1 * np.eye(3)[:2]  # [m] in the flange's frame: `offset`
@@ -84,13 +92,16 @@ class Case:
 def identified(table: PoseTable, prior: Prior) -> TableEstimate:
     """An identification with this prior."""
 
-    def widened(declared: Unknowns, x: Array) -> Unknowns:
-        part = declared.machine if prior.tails else np.arange(declared.shared.size)
-        sigma = declared.sigma.copy()
-        sigma[part] = with_tails(sigma[part], x[part] - declared.mean[part])
-        return replace(declared, sigma=sigma)
+    def widened(declared: Unknowns, x: Array, chosen: NDArray[np.intp]) -> Unknowns:
+        part = declared.coefficients
+        own = (chosen >= part.start) & (chosen < part.stop)
+        return with_tails(declared, x, chosen if prior.tails else chosen[~own])
 
-    plain = table_fit.sag
+    def as_declared(estimate: Fit, chosen: NDArray[np.intp], declared: Array) -> CommonScale:
+        del chosen, declared
+        return CommonScale(1.0, np.zeros(estimate.covariance.shape))
+
+    plain, with_tails = table_fit.sag, fit.widened
 
     def with_more(robot: Robot) -> list[Correction]:
         targets = start_of_poses(table, nominal_chain(robot)).targets.values()
@@ -101,6 +112,7 @@ def identified(table: PoseTable, prior: Prior) -> TableEstimate:
         patch.object(weights, "PRIOR", prior.sigma),
         patch.object(fit, "widened", widened),
         patch.object(table_fit, "sag", with_more if prior.more else plain),
+        nullcontext() if prior.scaled else patch.object(table_fit, "common_scale", as_declared),
     ):
         return table_fit.fit_table(table)
 
@@ -296,12 +308,14 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=tables.DATA)
     parser.add_argument("--splits", type=int, default=4)
     parser.add_argument("--only", nargs="*", choices=STUDIES, default=list(STUDIES))
+    names = [prior.name for prior in PRIORS]
+    parser.add_argument("--priors", nargs="*", choices=names, default=names)
     parser.add_argument("--out", type=Path, default=RESULT)
     options = parser.parse_args()
     rows: list[dict[str, object]] = []
     for name in options.only:
         for case in STUDIES[name](options.data, options.splits):
-            for prior in PRIORS:
+            for prior in (p for p in PRIORS if p.name in options.priors):
                 rows.extend(rows_of(case, prior))
             write_whole(options.out, pd.DataFrame(rows).to_csv(index=False).encode())
     print(shown(pd.DataFrame(rows)))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaincinv
+
+Values = NDArray[np.float64]
 
 
 def rms(values: ArrayLike) -> float:
@@ -51,16 +54,21 @@ def correlation_time(series: NDArray[np.float64], *, most: float) -> float:
     return min(tau, most)
 
 
-def variance_beyond(rest: NDArray[np.float64], known: NDArray[np.float64]) -> float:
-    """[m^2] variance along each axis of errors (E, N) [m] beside what is known (N, E, E) [m^2].
+def variance_beyond(parts: Sequence[tuple[Values, Values]]) -> tuple[float, float]:
+    """Variance of each of some errors beside what is known of them, and its deviation by chance.
 
-    Each direction counts by its own variance: those with large noise, such as depths of pictures,
-    tell little (DerSimonian & Laird 1986).
+    parts : errors (M,), and the covariance (M, M) that is known of them. Each direction counts by
+    its own variance: those with large noise, such as depths of pictures, tell little, and an error
+    that many share is one (DerSimonian & Laird 1986). The deviation is that of the estimate where
+    nothing is beyond.
     """
-    size, axes = np.linalg.eigh(known)
-    square = np.einsum("nce,cn->ne", axes, rest).ravel() ** 2
-    noise, out = np.maximum(size, 0.0).ravel(), 0.0
+    sizes, squares = list[NDArray[np.float64]](), list[NDArray[np.float64]]()
+    for errors, known in parts:
+        size, axes = np.linalg.eigh(known)
+        sizes.append(np.maximum(size, 0.0))
+        squares.append((axes.T @ errors) ** 2)
+    noise, square, out = np.concatenate(sizes), np.concatenate(squares), 0.0
     for _ in range(20):  # converges in a few
         weight = (noise + out) ** -2.0
         out = max(0.0, float(weight @ (square - noise) / weight.sum()))
-    return out
+    return out, float(np.sqrt(2.0 / (noise**-2.0).sum()))

@@ -15,6 +15,10 @@ nothing to gain across the rod. Where nothing but lengths were measured, the reg
 therefore those of a joint error of the size that explains the residuals along the rod, in place of
 the variance along the rod, which holds the noise of an instrument that measures no points.
 
+Pictures tell the noise of their corners themselves. What they leave over beyond chance is judged by
+the errors of a region together, for what is uncertain of the robot there is common to them; and a
+factor below 1, which corrects a noise that was declared too large, is chance.
+
 Of a robot that moved the rows are many, and their white noise is seen from one to the next: it is
 no error of the robot, and what is stated of the tool is without it.
 """
@@ -37,13 +41,7 @@ from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.gauss_newton import inverse
 from ballbar.ident.estimator.model import Evaluation
 from ballbar.ident.estimator.normal_equations import whole_jacobian
-from ballbar.ident.estimator.observations import FollowedPoses
 from ballbar.ident.estimator.regions import pose_regions
-from ballbar.ident.estimator.uncertainty import (
-    correlation_time,
-    inflation_factors,
-    variance_by_blocks,
-)
 from ballbar.ident.estimator.whitening import Whitening
 from ballbar.ident.signals.smooth_log import WIDEST_KNOT_SPACING
 
@@ -57,11 +55,9 @@ SEEN = {1: 0.2, 2: 0.6, 3: 0.8}
 # Least factor of the regions of points where rods alone judge: joint errors differ from place to
 # place, and the rods do not show by how much.
 FACTOR_OF_RODS = 1.6
+CHANCE = 2.0  # deviations of an estimated variance that are not counted
 REGIONS, PLACES = "in regions of joint space", "at places"  # that were not fitted
 SAME_PLACE = 0.15  # [m] between seats that see the robot from one place
-BLOCKS = 32  # regions whose poses share what the model leaves over
-CORRELATION_TIMES = 10.0  # of a block of time: its edges are a small part of it
-FEWEST_BLOCKS, MOST_BLOCKS = 5, 200  # of time, in one log
 CLOSE = 1.5  # periods between neighbouring rows, at most
 
 
@@ -154,6 +150,8 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     ]
     rests = [row(point.closure.error) for point, row in pairs]
     spreads = [spread_of(move, fit.covariance) for move in moves]
+    weighted = [robust > 0.0 for robust in equations.robust[fit.still]]
+    together = [list[tuple[Array, Array]]() for _ in points]
     for number in np.unique(fold):
         held = np.split(fold == number, ends)
         step, covariance = _without(fit, held)
@@ -161,7 +159,10 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
             rest[:, own] += np.einsum("pen,p->en", move[:, :, own], step)
             if points[n].still.common is not None:  # its readings tell their own noise
                 spreads[n][own] = spread_of(move[:, :, own], covariance)
-    weighted = [robust > 0.0 for robust in equations.robust[fit.still]]
+                each = own & weighted[n]
+                noise = _reading_noise(points[n], len(rest))[each]
+                joint = _joint_covariance(move[:, :, each], covariance, noise)
+                together[n].append((rest[:, each].ravel(), joint))
     judged = list(zip(rests, spreads, weighted, strict=True))
     count = sum(rest[:, k].size for rest, _, k in judged)
     known = sum(float(np.trace(s[k], axis1=1, axis2=2).sum()) for _, s, k in judged)
@@ -169,27 +170,38 @@ def with_folds(fit: Fit, left_out: str, fold: NDArray[np.intp]) -> CrossValidati
     declared = min(float(p.position_sigma.min()) for p in points)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
     white, ratios = 0.0, list[Array]()
-    for point, (rest, spread, k) in zip(points, judged, strict=True):
+    own_noise = any(p.still.common is not None for p in points)
+    for point, (rest, spread, k), parts in zip(points, judged, together, strict=True):
         beyond, own = variance, spread[k]
         if point.still.common is None:
             white += _white(point, rest[:, k], k)
         else:
             own = own + _reading_noise(point, len(rest))[k]
-            beyond = variance_beyond(rest[:, k], own)
+            beyond, chance = variance_beyond(parts)
+            beyond = max(0.0, beyond - CHANCE * chance)
             explained = np.trace(spread[k], axis1=1, axis2=2).sum() + beyond * rest[:, k].size
             white += float((rest[:, k] ** 2).sum() - explained)
         ratios.append(mahalanobis(rest[:, k], own, beyond) / chi_square_quantile(LEVEL, len(rest)))
+    ratio = np.concatenate(ratios)
     return CrossValidation(
         left_out=left_out,
         error=np.concatenate([np.linalg.norm(rest, axis=0) for rest in rests]),
         counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
         white=float(np.sqrt(min(max(white, 0.0) / count, variance))),
-        factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
+        factor=_factor_beyond_chance(ratio) if own_noise else float(np.quantile(ratio, LEVEL)),
         of_points=0.0 if only_lengths(table) else float(np.sqrt(variance)),
         joint_sigma=_joint_sigma(fit) if only_lengths(table) else 0.0,
         play=_play(table.robot),
     )
+
+
+def _factor_beyond_chance(ratio: Array) -> float:
+    """Factor of the regions, at least 1, by squared distances over the quantile of chi-square (N,):
+    that of the share which is a deviation by chance below LEVEL.
+    """
+    chance = np.sqrt(LEVEL * (1.0 - LEVEL) / ratio.size)
+    return max(1.0, float(np.quantile(ratio, LEVEL - chance)))
 
 
 def _play(robot: Robot) -> float:
@@ -221,6 +233,18 @@ def _reading_noise(point: Evaluation, directions: int) -> Array:
     group = point.still
     noise = point.target_closure.sensor_columns(group.sigma, group.factor)[:, :directions]
     return np.asarray(np.einsum("kcn,kdn->ncd", noise, noise))
+
+
+def _joint_covariance(moves: Array, covariance: Array, noise: Array) -> Array:
+    """(E N, E N) [m^2] covariance of positions that were left out together, N of each direction.
+
+    moves : (P, E, N) per unit of each unknown. covariance : (P, P). noise : (N, E, E) of each.
+    """
+    p, e, n = moves.shape
+    flat, each = moves.reshape(p, -1), np.arange(n)
+    out = (flat.T @ covariance @ flat).reshape(e, n, e, n)
+    out[:, each, :, each] += noise
+    return np.asarray(out.reshape(e * n, e * n))
 
 
 def _without(fit: Fit, held: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array]:
@@ -265,56 +289,9 @@ def _joint_sigma(fit: Fit) -> float:
     along = [(move**2).sum(axis=0).mean(axis=0) for move in moves]
     lever = float(np.concatenate(along).mean())  # [m^2]
     noise = float((np.concatenate([p.position_sigma for p in points]) ** 2).mean())
-    chance = 2.0 * np.sqrt(2.0 / fit.model.poses.size) * noise
+    chance = CHANCE * np.sqrt(2.0 / fit.model.poses.size) * noise
     seen = SEEN[min(len(fit.model.unknowns.seats), max(SEEN))]
     return float(np.sqrt(max(fit.excess.position**2 - chance, 0.0) / (seen * lever)))
-
-
-def robust_covariance(fit: Fit) -> Array:
-    """(P, P) covariance of the unknowns where neighbouring poses share what the model leaves over.
-
-    Sums of the scores over blocks (sandwich form: White 1982), which are regions of joint space. A
-    region that is visited early and late averages over what a clock is seen by: for the clocks of
-    what followed a moving robot the estimates without each block of time count too, as the few
-    blocks that they are (variance of Student's distribution).
-    """
-    equations, layout = fit.linear, fit.model.unknowns
-    blocks = pose_regions(fit.model.poses, BLOCKS)
-    scores = np.concatenate(
-        [
-            np.einsum("pen,en->pn", jacobian, residual)
-            for jacobian, residual in zip(fit.jacobians, equations.residuals, strict=True)
-        ],
-        axis=1,
-    )
-    sums = np.zeros((layout.count, blocks.max() + 1))
-    np.add.at(sums.T, blocks, scores.T)
-    inflation = inflation_factors(fit.covariance, scores @ scores.T, sums)
-    prior = fit.covariance @ (fit.covariance / layout.sigma[:, None] ** 2)
-    data = fit.covariance - prior
-    inflation = np.maximum(inflation, _inflation_in_time(fit, np.diag(data)))
-    robust = data * np.outer(inflation, inflation) + prior
-    return np.asarray(0.5 * (robust + robust.T))
-
-
-def _inflation_in_time(fit: Fit, white: Array) -> Array:
-    """(P,) deviation of clocks by blocks of time over that of independent rows; 0 of all else.
-
-    white : (P,) variances of independent rows, without what the priors tell.
-    """
-    block, out = 0.0, np.zeros(white.size)
-    for part, residual in zip(fit.model.parts, fit.linear.residuals, strict=True):
-        if isinstance(part, FollowedPoses) and part.size > 1:
-            span = float(np.ptp(part.times))
-            time = CORRELATION_TIMES * correlation_time(residual, part.times)
-            block = max(block, float(np.clip(time, span / MOST_BLOCKS, span / FEWEST_BLOCKS)))
-    if not block:
-        return out
-    variance, count = variance_by_blocks(fit, block)
-    variance *= (count - 1.0) / max(1.0, count - 3.0)
-    for clock in fit.model.unknowns.placed.clocks.values():
-        out[clock] = np.sqrt(variance[clock] / np.maximum(white[clock], 1e-300))
-    return out
 
 
 def position_rows(point: Evaluation) -> Whitening:

@@ -38,6 +38,7 @@ LEAST_SCALE = 1e-3
 LEAST_EFFECT = 0.5
 ALONG = 0.95  # cosine between residual and last move from which it lies along it
 SCORE_BLOCKS = 100  # of time, of a robot that was followed: its neighbouring rows err together
+EXCHANGED = 0.1  # of the errors of two outliers, left with each other's joint angles
 DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
 CHANCE = 1e-3
 
@@ -60,6 +61,7 @@ class Findings:
     unsettled: NDArray[np.intp]
     unfinished: float  # share of the last move by which all angles were read early; 0: not seen
     drifts: tuple[SeatDrift, ...]
+    exchanged: tuple[tuple[int, int], ...] = ()  # outliers that fit each other's joint angles
     steps: tuple[Step, ...] = ()  # of the table that was given; the fit has two names for each
 
 
@@ -74,7 +76,26 @@ def findings_of(fit: Fit) -> Findings:
     lengths = lengths_of(fit)
     unsettled = _unsettled(fit, lengths)
     outliers = np.setdiff1d(np.flatnonzero(lengths > OUTLIER), unsettled)
-    return Findings(outliers, unsettled, _unfinished(fit), _drifts(fit))
+    exchanged = _exchanged(fit, outliers)
+    return Findings(outliers, unsettled, _unfinished(fit), _drifts(fit), exchanged)
+
+
+def _exchanged(fit: Fit, outliers: NDArray[np.intp]) -> tuple[tuple[int, int], ...]:
+    """Pairs of outliers whose joint angles are those of each other, by measured positions."""
+    out, first = list[tuple[int, int]](), 0
+    for point in fit.linear.evaluations[fit.still]:
+        n, closure = point.still.size, point.target_closure
+        own = outliers[(outliers >= first) & (outliers < first + n)] - first
+        if point.still.kind.directions == 3 and point.still.motion is None and own.size > 1:
+            measured, predicted = closure.sight.point[:, own], closure.robot.tip[:, own]
+            away = np.linalg.norm(measured[:, :, None] - predicted[:, None], axis=0)
+            alone = np.diag(away)
+            pairs = away + away.T < EXCHANGED * (alone[:, None] + alone)
+            out += [
+                (first + int(own[i]), first + int(own[j])) for i, j in np.argwhere(pairs) if i < j
+            ]
+        first += n
+    return tuple(out)
 
 
 def _unsettled(fit: Fit, lengths: Array) -> NDArray[np.intp]:

@@ -16,7 +16,6 @@ from ballbar.cell.poses import PoseTable
 from ballbar.cell.statistics import chi_square_quantile
 from ballbar.ident.cameras import CameraEstimate, cameras_of, doubts_of
 from ballbar.ident.cross_validation import (
-    BLOCKS,
     LEVEL,
     CrossValidation,
     at_one_place,
@@ -25,6 +24,7 @@ from ballbar.ident.cross_validation import (
     position_rows,
     spread_of,
 )
+from ballbar.ident.estimator.block_covariance import BLOCKS
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.normal_equations import whole_jacobian
 from ballbar.ident.estimator.order_search import OrderSearch

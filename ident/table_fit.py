@@ -7,6 +7,7 @@ within the table, once more with two in its place.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,6 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.descriptions import Robot
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import nominal_chain, robot_geometry
-from ballbar.cell.placement import Placement
 from ballbar.cell.poses import PoseTable
 from ballbar.ident.corrections.base import Coefficient, Correction
 from ballbar.ident.corrections.gear_backlash import gear_backlash
@@ -25,13 +25,15 @@ from ballbar.ident.corrections.joint_compliance import joint_compliance
 from ballbar.ident.corrections.joint_harmonics import PRIOR, joint_harmonics
 from ballbar.ident.corrections.joint_lag import JOINT_LAG, joint_lag
 from ballbar.ident.corrections.unit_weights import unit_weights
-from ballbar.ident.cross_validation import cross_validated, robust_covariance
+from ballbar.ident.cross_validation import cross_validated
+from ballbar.ident.estimator.block_covariance import robust_covariance
 from ballbar.ident.estimator.build_unknowns import still_unknowns
+from ballbar.ident.estimator.common_scale import common_scale
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.linear_model import LinearModel
 from ballbar.ident.estimator.model import Model, still_model
 from ballbar.ident.estimator.observations import rounding_noise
-from ballbar.ident.estimator.order_search import OrderSearch, search_orders
+from ballbar.ident.estimator.order_search import search_orders
 from ballbar.ident.estimator.regions import pose_regions, poses_of
 from ballbar.ident.estimator.robust_fit import fit_robustly, stacked
 from ballbar.ident.estimator.unknowns import HELD, PlacedPoses, Unknowns
@@ -120,10 +122,10 @@ def _estimated(still: PlacedPoses, options: FitOptions, listener: Listener) -> T
         search = search_orders(linearised(fit), PRIOR)
         if search.orders:
             listener.progress("fitting everything together")
-            fit = _with_orders(fit, search)
+            fit = _again(fit, (*fit.model.corrections, joint_harmonics(search.pairs)))
             fit, findings = _without_unsettled(fit)
     listener.progress("cross-validating")
-    fit = replace(fit, covariance=robust_covariance(fit))
+    fit = _with_common_scales(fit, findings.unsettled)
     return TableEstimate(fit, nominal, cross_validated(fit), findings, search)
 
 
@@ -218,20 +220,41 @@ def _held(learned: JointErrors) -> list[Correction]:
     return [replace(correction, name="learned_harmonics", coefficients=held)]
 
 
-def _with_orders(fit: Fit, search: OrderSearch) -> Fit:
-    """Everything once more, with the joint errors that were found."""
+def _again(
+    fit: Fit, corrections: Sequence[Correction], left_out: NDArray[np.intp] | None = None
+) -> Fit:
+    """Everything once more, from there, with other corrections and all priors as declared.
+
+    left_out : as of `fit_robustly`.
+    """
     before, model = fit.model.unknowns, fit.model
-    corrections = (*model.corrections, joint_harmonics(search.pairs))
-    seats: dict[str, Placement] = {name: before.seat(fit.x, name) for name in before.seats}
-    targets = {name: before.target(fit.x, name) for name in before.targets}
-    table = model.poses
-    layout = still_unknowns(before.fixed, PlacedPoses(table, seats, targets), corrections)
-    x = layout.mean.copy()
-    x[layout.geometric] = fit.x[before.geometric]
-    first = layout.coefficients.start
-    known = fit.x[before.coefficients]
-    x[first : first + known.size] = known
-    return fit_robustly(replace(model, unknowns=layout, corrections=corrections), x, fit.excess)
+    still = PlacedPoses(model.poses, before.placed.seat_starts, before.placed.target_starts)
+    layout = still_unknowns(before.fixed, still, corrections)
+    layout = _with_zeros_by_eye(model.poses.robot, layout)
+    known = dict(zip(before.names, fit.x.tolist(), strict=True))
+    x = [known.get(name, mean) for name, mean in zip(layout.names, layout.mean, strict=True)]
+    model = replace(model, unknowns=layout, corrections=tuple(corrections))
+    return fit_robustly(model, np.array(x), fit.excess, left_out=left_out)
+
+
+def _with_common_scales(fit: Fit, left_out: NDArray[np.intp]) -> Fit:
+    """The fit with the scales of priors that it tells, and its covariance as stated.
+
+    left_out : as of `fit_robustly`.
+    """
+    names, corrections, doubts = fit.model.unknowns.names, list[Correction](), []
+    for correction in fit.model.corrections:
+        coefficients = correction.coefficients
+        if correction.one_scale:
+            chosen = np.array([names.index(c.name) for c in coefficients], dtype=np.intp)
+            scaled = common_scale(fit, chosen, np.array([c.sigma for c in coefficients]))
+            coefficients = tuple(replace(c, sigma=scaled.scale * c.sigma) for c in coefficients)
+            doubts.append(scaled.doubt)
+        corrections.append(replace(correction, coefficients=coefficients))
+    if not doubts:
+        return replace(fit, covariance=robust_covariance(fit))
+    fit = _again(fit, corrections, left_out)
+    return replace(fit, covariance=robust_covariance(fit) + sum(doubts))
 
 
 def _without_unsettled(fit: Fit) -> tuple[Fit, Findings]:

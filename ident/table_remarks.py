@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ballbar.ident.cameras import remarks_of
 from ballbar.ident.estimator.order_search import JointOrder
 from ballbar.ident.estimator.priors import FAR, robot_prior
 from ballbar.ident.estimator.regions import distinct_poses
@@ -34,7 +35,7 @@ def table_remarks(evidence: Evidence) -> Iterator[str]:
             "instrument and target are; the verdict is by the recordings alone"
         )
     yield from _rounded(estimate)
-    yield from estimate.doubts
+    yield from (*estimate.doubts, *remarks_of(estimate.fit))
     if estimate.alone:
         yield from _scale(estimate)
     yield from _repeated(estimate)
@@ -62,6 +63,12 @@ def _findings(estimate: TableEstimate, findings: Findings) -> Iterator[str]:
         yield (
             f"{_poses(findings.outliers.size)} far from the model and counting little or not at "
             f"all: {_listed([names[i] for i in findings.outliers])}"
+        )
+    if findings.exchanged:
+        pairs = [f"{names[i]} and {names[j]}" for i, j in findings.exchanged]
+        yield (
+            f"rows that fit each other's joint angles: {_listed(pairs)}; exchange their angles, or "
+            "the names of their pictures"
         )
     if findings.unsettled.size:
         left_out = ", and left out" if estimate.alone else ""

@@ -26,7 +26,7 @@ from ballbar.planning.stations import PoseSetup
 from ballbar.planning.trajectory import Targets, targets_of
 
 SCENARIO, NUMBERS, TABLE, REQUEST = "scenario.yaml", "plan.yaml", "path.csv", "request.yaml"
-POSE_TABLE, POSES = "poses.csv", "poses.yaml"
+POSE_TABLE, POSES, JOINTS = "poses.csv", "poses.yaml", "joints.csv"
 PICTURES = ("plan.svg", "what_if.svg", "plate.svg")
 UNITS = {"m": "mm", "rad": "deg"}  # of the columns of poses.csv that are filled in
 
@@ -40,7 +40,7 @@ def output_names(request: PlanRequest | PosePlanRequest) -> set[str]:
         *(f"{request.name}.{end}" for end in programs.SUFFIXES.values()),
     }
     if isinstance(request, PosePlanRequest):
-        return names | {POSE_TABLE, POSES}
+        return names | {POSE_TABLE, POSES, JOINTS}
     return names | {PATH, SCENARIO, TABLE, "what_if.csv", *PICTURES}
 
 
@@ -263,15 +263,21 @@ def pose_numbers_data(plan: PosePlan) -> dict[str, object]:
 
 
 def write_pose_plan(plan: PosePlan, folder: Path, *, relative_to: Path) -> list[str]:
-    """Write all files; relative_to : folder of the request. Returns their names."""
+    """Write all files; relative_to : folder of the request. Returns their names.
+
+    Of pictures the table names them; what they show comes from `ballbar camera detect`.
+    """
     setup, language = plan.setup, plan.setup.robot.program_language
-    texts = {POSE_TABLE: programs.pose_table(plan, value_columns(setup.instrument.kind))}
+    if setup.request.board is None:
+        texts = {POSE_TABLE: programs.pose_table(plan, value_columns(setup.instrument.kind))}
+        write_yaml(folder / POSES, poses_data(setup, relative_to=relative_to, folder=folder))
+    else:
+        texts = {JOINTS: programs.picture_table(plan)}
     if language and not programs.without_program(setup.robot):
         texts[f"{setup.request.name}.{programs.SUFFIXES[language]}"] = programs.pose_program(
             language, plan
         )
     for file, text in texts.items():
         write_whole(folder / file, text.encode())
-    write_yaml(folder / POSES, poses_data(setup, relative_to=relative_to, folder=folder))
     write_yaml(folder / NUMBERS, pose_numbers_data(plan))
-    return [*texts, POSES, NUMBERS]
+    return [*texts, *([POSES] if POSE_TABLE in texts else []), NUMBERS]

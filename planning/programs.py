@@ -293,6 +293,13 @@ def pose_table(plan: PosePlan, columns: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def picture_table(plan: PosePlan) -> str:
+    """CSV table of the pictures to take: their names, and the axis angles."""
+    axes = [f"J{j + 1} [deg]" for j in range(plan.setup.robot.joints)]
+    rows = (f"p{k:03d}.jpg,{_angles(q, ',')}" for k, q in enumerate(np.degrees(plan.poses.axes), 1))
+    return "\n".join((",".join(("image", *axes)), *rows)) + "\n"
+
+
 def axis_columns(robot: Robot) -> list[str]:
     """Names of the columns of the axis angles."""
     return [f"axis{i + 1}_deg" for i in range(robot.joints)]

@@ -25,7 +25,14 @@ from ballbar.plan.picture import plan_picture, plate_picture, what_if_picture
 from ballbar.planning.candidate import PathCandidate
 from ballbar.planning.clearance import clearance
 from ballbar.planning.evaluation import evaluators
-from ballbar.planning.files import REQUEST, output_names, write_plan, write_pose_plan, write_request
+from ballbar.planning.files import (
+    JOINTS,
+    REQUEST,
+    output_names,
+    write_plan,
+    write_pose_plan,
+    write_request,
+)
 from ballbar.planning.known import Known
 from ballbar.planning.plan import PathPlan, assess, known_path, plans
 from ballbar.planning.pose_plan import pose_plan
@@ -126,7 +133,14 @@ def _plan_poses(
     _complete(file, options, outputs - set(names))
     summary.say_pose_plan(out, plan)
     _say_files(out, folder, names, setup.robot)
-    out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")
+    if setup.request.board is None:
+        out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")
+    else:
+        out.print(
+            "Take a picture at each pose, write its name and the angles shown into joints.csv, "
+            f"then: ballbar camera detect PICTURES --board {setup.request.board.file} --joints "
+            f"{escape(str(folder / JOINTS))} --out found"
+        )
     return not plan.route.blocked
 
 

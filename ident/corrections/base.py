@@ -108,6 +108,9 @@ class Correction:
     # derivative of each regressor with the rod's tension; None where no load enters
     slopes: Callable[[State], Sequence[Array]] | None = None
     made_by: Callable[[], Correction] | None = None
+    # whether the coefficients are small or large together: still poses tell the common scale of
+    # their priors (ballbar.ident.estimator.common_scale)
+    one_scale: bool = False
 
     def __reduce__(self) -> str | tuple[Any, ...]:
         return super().__reduce__() if self.made_by is None else (self.made_by, ())

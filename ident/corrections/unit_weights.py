@@ -40,7 +40,9 @@ def unit_weights(robot: Robot) -> Correction:
     coefficients = tuple(
         Coefficient(f"weight{k + 1}_joint{j + 1}", "rad/m", 0.0, PRIOR, GEAR + j) for j, k in pairs
     )
-    return Correction("unit_weights", "sag under unknown weights", coefficients, regressors)
+    return Correction(
+        "unit_weights", "sag under unknown weights", coefficients, regressors, one_scale=True
+    )
 
 
 def torques(frames: Frames, down: Array) -> Array:

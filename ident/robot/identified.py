@@ -210,7 +210,7 @@ class IdentifiedRobot:
                     columns.append(regressor * screw(frames, channel.kind, channel.row))
                 else:
                     columns.append(gears[channel] * regressor if channel >= GEAR else none)
-        return np.array(columns).reshape(-1, *none.shape)
+        return np.array(columns).reshape(len(columns), *none.shape)
 
     def tool_moves(self, moves: Array, q: Array) -> Array:
         """(K, 3, N) [m] motion of the tool with motions (K, 6, N) [m, rad] of the last row."""
@@ -218,7 +218,7 @@ class IdentifiedRobot:
             return moves[:, :3]
         arm = (self.ends(q)[:, :3, :3] @ self.target.origin).T
         shifts = [move[:3] + cross(move[3:], arm) for move in moves]
-        return np.array(shifts).reshape(-1, 3, len(q))
+        return np.array(shifts).reshape(len(shifts), 3, len(q))
 
     def moved_by_masses(self, cells: Sequence[Cell], q: Array) -> Array:
         """(K, 3, N) [m] how the tool moves at q (N, J) [rad] if its masses are those of K cells.

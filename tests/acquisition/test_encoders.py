@@ -1,10 +1,14 @@
 """Encoders: counter words become angles, what the terminal marks as faulty never does."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ballbar.acquisition.explain import _encoder
 from ballbar.acquisition.faults import encoders
 from ballbar.acquisition.faults.encoders import (
     counter_words,
@@ -321,3 +325,13 @@ def test_a_counter_that_hardly_moves_is_no_cut_one() -> None:
     small[[100, 101]] = 32_000, -32_000  # damaged
     counter_words(table_of(b1=b1 % 2**32, b2=small), fitted("b1", "b2"))
     counter_words(table_of(b2=small % 2**32), fitted("b2"))  # through zero
+
+
+def test_an_encoder_is_explained_with_its_count_and_direction() -> None:
+    """A turn has 3600 lines of 4096 counts: 0.426 urad each."""
+    one: Any = SimpleNamespace(column="c1", lines=3600, bits=12, sign=-1)
+    words = "encoder b1: counter in column c1, 3600 lines at 12 bits (recording.yaml): 0.426 urad a"
+    assert _encoder("b1", one, None) == f"{words} count, against the count"
+    one.sign = 1
+    status = "; status word s1 where there is such a column"
+    assert _encoder("b1", one, "s1") == f"{words} count, as counted{status}"

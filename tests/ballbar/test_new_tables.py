@@ -9,10 +9,12 @@ import pytest
 import yaml
 
 from ballbar.acquisition.pose_tables import read_poses
+from ballbar.cell.errors import InputError
 from ballbar.cell.instruments import kinds
 from ballbar.cell.instruments.base import Kind
 from ballbar.cell.load import instrument_names, load_instrument
 from ballbar.cell.rigid_fit import nominal_frames
+from ballbar.recordings.new import _sources
 from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.pose_files import (
     JOINTS,
@@ -238,3 +240,16 @@ def test_poses_and_logs_are_not_mixed(tmp_path: Path) -> None:
     assert (code, "either --poses or two logs" in err) == (2, True)
     code, _, err = ballbar("new", tmp_path / "made", path)
     assert (code, "a table of still poses with --poses" in err) == (2, True)
+
+
+def test_copies_are_named_by_as_much_of_their_paths_as_differs(tmp_path: Path) -> None:
+    files = [tmp_path / part for part in ("a/day/x.csv", "b/day/x.csv", "b/day/y.csv")]
+    for file in files:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    assert list(_sources([files[0], files[2]])) == ["raw/x.csv", "raw/y.csv"]
+    three = ["raw/a/day/x.csv", "raw/b/day/x.csv", "raw/b/day/y.csv"]
+    assert list(_sources(files)) == three
+    assert list(_sources([files[0], tmp_path / "b"]).values()) == files
+    with pytest.raises(InputError, match="is named twice"):
+        _sources([files[0], tmp_path / "a"])

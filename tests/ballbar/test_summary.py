@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from ballbar.cell.clock import UNSEEN_OFFSET, Clock
+from ballbar.commands import result_json
 from ballbar.commands.result_json import comparison_data
 from ballbar.ident.verdict import Status
 from ballbar.report import summary as page
@@ -230,3 +232,28 @@ def test_a_comparison_as_data_is_in_si_units() -> None:
     assert "clock_offset_error_s" not in data
     made.offset, made.skew = 1e-6, 1e-8
     assert comparison_data(made)["clock_skew_error"] == 1e-8
+
+
+def test_a_run_as_data_has_plant_and_comparison_where_it_was_simulated(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    file = Stub(model_dump=lambda **_: {"schema": "x"})
+    monkeypatch.setattr(result_json, "load", lambda _: Stub(file=file))
+    error = Stub(mean=1.0, maximum=2.0, error_without_scale=np.array([0.5, 1.5]))
+    run = judged(SUSPECT)
+    run.simulation, run.comparison, run.limits = None, None, []
+    plain = result_json.run_data(run, tmp_path)
+    assert plain == {
+        "acceptable": True, "sentence": "So.", "folder": str(tmp_path), "files": [],
+        "calibration": {"schema": "x"},
+    }  # fmt: skip
+    run.simulation = Stub(figures={"plant": {"s": 1.0}})
+    assert result_json.run_data(run, tmp_path) == plain
+    run.comparison = Stub(tcp=error, tcp_nominal=error)
+    compared = result_json.run_data(run, tmp_path)
+    sizes = {"mean_m": 1.0, "max_m": 2.0, "mean_without_scale_m": 1.0}
+    assert compared["comparison"] == {"tcp_error": sizes, "tcp_error_nominal": sizes}
+    assert (compared["plant"], compared["limits"]) == ({"s": 1.0}, [])
+    run.recordings, run.simulation, run.comparison = [1], None, None
+    data = result_json.run_data(run, tmp_path)
+    assert (data["plant"], data["comparison"]) == (None, None)

@@ -70,4 +70,29 @@ def test_a_variance_beyond_known_noise_is_told_by_the_directions_that_are_known_
     known = turn @ (sigma[:, None] ** 2 * turn.transpose(0, 2, 1))
     rest = np.einsum("nij,jn->in", turn, sigma[:, None] * rng.standard_normal((3, 500)))
     rest += true * rng.standard_normal((3, 500))
-    assert np.sqrt(variance_beyond(rest, known)) == pytest.approx(true, rel=0.1, abs=3e-5)
+    parts = list(zip(rest.T, known, strict=True))
+    assert np.sqrt(variance_beyond(parts)[0]) == pytest.approx(true, rel=0.1, abs=3e-5)
+
+
+def test_an_error_that_many_share_is_no_variance_of_each() -> None:
+    """Ten errors of 0.1 mm with one of 0.2 mm in common, in each of 400 parts."""
+    rng = np.random.default_rng(5)
+    shared, each = 2e-4, 1e-4
+    errors = shared * rng.standard_normal((400, 1)) + each * rng.standard_normal((400, 10))
+    known = shared**2 + each**2 * np.eye(10)
+    variance, chance = variance_beyond([(e, known) for e in errors])
+    assert variance < 3.0 * chance
+    more = errors + each * rng.standard_normal(errors.shape)
+    variance, _ = variance_beyond([(e, known) for e in more])
+    assert variance == pytest.approx(each**2, rel=0.1)
+
+
+def test_the_deviation_of_a_variance_by_chance_is_that_of_many_draws() -> None:
+    """Errors with nothing beyond their noise, a tenth of which are known ten times as well."""
+    rng = np.random.default_rng(6)
+    sigma = np.repeat([1e-5, 1e-4], [10, 90])
+    known = np.diag(sigma**2)
+    draws = [variance_beyond([(sigma * rng.standard_normal(100), known)]) for _ in range(2000)]
+    found = np.array([variance for variance, _ in draws])
+    # half of the draws have less than their noise, and stand at 0
+    assert np.sqrt((found**2).mean() * 2.0) == pytest.approx(draws[0][1], rel=0.25)

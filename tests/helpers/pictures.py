@@ -112,10 +112,14 @@ def corners(square: float) -> Array:
 
 
 def shaped(points: Array, stretch: float = 0.0, sag: float = 0.0) -> Array:
-    """Points (C, 3) [m] of a board that is longer along x by a share, and bent [m] along x."""
+    """Points (C, 3) [m] of a board that is longer along x by a share, and bent [m] along x about
+    its middle plane.
+    """
     x = points[:, 0] - points[:, 0].mean()
     square = (x / np.abs(x).max()) ** 2
-    moved = np.column_stack((stretch * points[:, 0], np.zeros(len(points)), sag * square))
+    moved = np.column_stack(
+        (stretch * points[:, 0], np.zeros(len(points)), sag * (square - square.mean()))
+    )
     return points + moved
 
 

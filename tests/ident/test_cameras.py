@@ -15,6 +15,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.errors import LogError
 from ballbar.ident.cameras import cameras_of
 from ballbar.ident.estimates import result_at_rest
+from ballbar.ident.options import FitOptions
 from ballbar.ident.table_estimate import TableEstimate
 from ballbar.ident.table_fit import fit_table
 from ballbar.ident.verdict import Status
@@ -37,15 +38,29 @@ def within(estimate: TableEstimate, drawn: Drawn) -> float:
 
 
 def test_pictures_that_agree_make_a_good_result(tmp_path: Path) -> None:
-    drawn = draw(20, board=lambda points: shaped(points, sag=1e-3))
+    drawn = draw(20, board=lambda points: shaped(points, sag=3e-4))
     estimate = estimated(drawn, tmp_path)
     verdict = result_at_rest(estimate).verdict
     assert verdict.status is Status.GOOD
     assert not verdict.warnings
     assert within(estimate, drawn) < 2.0
+
+
+@pytest.mark.parametrize("carried", [False, True])
+def test_a_board_bent_by_a_millimetre_is_measured_and_named(
+    tmp_path: Path, *, carried: bool
+) -> None:
+    drawn = draw(20, carried=carried, board=lambda points: shaped(points, sag=1e-3))
+    estimate = estimated(drawn, tmp_path)
+    verdict = result_at_rest(estimate).verdict
+    assert verdict.status is Status.GOOD
+    (named,) = verdict.warnings
+    assert "is bent by 1.0 mm over half of its size (sag_xx)" in named
+    assert "its file states 0.5 mm" in named
+    assert within(estimate, drawn) < 2.0
     (camera,) = estimate.cameras.values()
     values = dict(zip(camera.errors.names, camera.values, strict=True))
-    assert values["sag_xx"] == pytest.approx(1e-3, abs=1e-4)  # a board bent by 1 mm is measured
+    assert values["sag_xx"] == pytest.approx(1e-3, abs=1e-4)
 
 
 @pytest.mark.parametrize(("share", "named"), [(0.04, r"\+4.0\d% along x and \+4.0\d% along y")])
@@ -84,20 +99,46 @@ def focused(pixels: Array, rng: np.random.Generator) -> Array:
     return (pixels - CENTRE) * share + CENTRE
 
 
+def warming(pixels: Array, rng: np.random.Generator) -> Array:
+    """A focal length that grows by 0.6 % from the first picture to the last."""
+    del rng
+    share = 1.0 + 3e-3 * np.linspace(-1.0, 1.0, len(pixels))[:, None, None]
+    return (pixels - CENTRE) * share + CENTRE
+
+
 @pytest.mark.parametrize(
     ("change", "named"),
-    [(rolling, "the robot moved while pictures were taken"), (focused, "Switch off autofocus")],
+    [
+        (rolling, "the robot moved while pictures were taken"),
+        (
+            focused,
+            r"changes by 0\.(2[5-9]|3[0-7])% \(1 sigma\) between the pictures of webcam_720p, ",
+        ),
+        (warming, r"webcam_720p, steadily from the first to the last, which explains [89]\d%"),
+    ],
 )
+@pytest.mark.parametrize("carried", [False, True])
 def test_pictures_that_contradict_each_other_are_named(
-    tmp_path: Path, change: Change, named: str
+    tmp_path: Path, change: Change, named: str, *, carried: bool
 ) -> None:
-    drawn = draw(20)
+    """Not by the cause of the others: a shutter or the joints are no lens, nor a lens them."""
+    drawn = draw(20, carried=carried)
     wrong = replace(drawn, pixels=change(drawn.pixels, np.random.default_rng(3)))
     estimate = estimated(wrong, tmp_path)
     verdict = result_at_rest(estimate).verdict
     assert verdict.status is not Status.GOOD
-    assert any(named in warning for warning in verdict.warnings)
+    assert len(verdict.warnings) == 1
+    assert re.search(named, verdict.warnings[0])
     assert within(estimate, drawn) < 2.0
+
+
+def test_joints_that_err_are_no_change_of_the_lens(tmp_path: Path) -> None:
+    """Errors of 1 mrad, three cycles a turn, which are not searched for."""
+    drawn = draw(20)
+    wrong = replace(drawn, q=drawn.q + 1e-3 * np.sin(3.0 * drawn.q))
+    table = import_poses(write(wrong, tmp_path)).table
+    estimate = fit_table(table, FitOptions(joint_errors="none"))
+    assert not any("focal" in said for said in estimate.doubts)
 
 
 def test_a_board_that_is_no_plane_is_named(tmp_path: Path) -> None:
@@ -122,23 +163,45 @@ def test_a_mirror_image_is_refused(tmp_path: Path, of: str) -> None:
 
 
 @pytest.mark.parametrize("axes", [(3, 4), (1, 2)])
-def test_exchanged_joint_columns_are_not_good(tmp_path: Path, axes: tuple[int, int]) -> None:
-    drawn = draw(20)
+@pytest.mark.parametrize("carried", [False, True])
+def test_exchanged_joint_columns_are_not_good(
+    tmp_path: Path, axes: tuple[int, int], *, carried: bool
+) -> None:
+    drawn = draw(20, carried=carried)
     q = drawn.q.copy()
     q[:, list(axes)] = q[:, list(axes[::-1])]
-    verdict = result_at_rest(estimated(replace(drawn, q=q), tmp_path)).verdict
+    estimate = estimated(replace(drawn, q=q), tmp_path)
+    verdict = result_at_rest(estimate).verdict
     assert verdict.status is Status.IMPLAUSIBLE
     assert "the order, signs and units of the joint columns" in verdict.sentence
+    assert estimate.identified_robot().sigma(drawn.q[:0]).shape == (0,)  # of no pose there is none
 
 
-def test_two_exchanged_pictures_are_named_and_do_no_harm(tmp_path: Path) -> None:
-    drawn = draw(20)
+@pytest.mark.parametrize("other", [11, 30])
+@pytest.mark.parametrize("carried", [False, True])
+def test_two_exchanged_pictures_are_named_and_do_no_harm(
+    tmp_path: Path, other: int, *, carried: bool
+) -> None:
+    drawn = draw(20, carried=carried)
     q = drawn.q.copy()
-    q[[10, 11]] = q[[11, 10]]
+    q[[10, other]] = q[[other, 10]]
     estimate = estimated(replace(drawn, q=q), tmp_path)
     warnings = result_at_rest(estimate).verdict.warnings
-    assert any("joints.csv:12, joints.csv:13" in warning for warning in warnings)
+    pair = f"joints.csv:12 and joints.csv:{other + 2}; exchange their angles"
+    assert any(f"fit each other's joint angles: {pair}" in warning for warning in warnings)
     assert within(estimate, drawn) < 2.0
+
+
+def test_a_picture_with_another_s_angles_is_not_called_exchanged(tmp_path: Path) -> None:
+    """The other one has its own angles too, or a third has them."""
+    drawn = draw(20)
+    for source in ([10], [10, 11, 12]):
+        q = drawn.q.copy()
+        q[source] = drawn.q[np.roll([*source, 30], 1)[: len(source)]]
+        estimate = estimated(replace(drawn, q=q), tmp_path / str(len(source)))
+        warnings = result_at_rest(estimate).verdict.warnings
+        assert any("far from the model" in warning for warning in warnings)
+        assert not any("each other's" in warning for warning in warnings)
 
 
 def test_the_noise_of_depth_does_not_widen_the_stated_regions(tmp_path: Path) -> None:
@@ -147,7 +210,7 @@ def test_the_noise_of_depth_does_not_widen_the_stated_regions(tmp_path: Path) ->
         estimated(draw(seed, carried=True), tmp_path / str(seed)).cross_validation.factor
         for seed in (20, 100, 102)
     ]
-    assert 0.7 < np.mean(factors) < 1.3
+    assert 1.0 <= np.mean(factors) < 1.3
 
 
 def test_a_fit_knows_lens_and_board_better_than_the_pictures_alone(tmp_path: Path) -> None:

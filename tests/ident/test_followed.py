@@ -83,7 +83,8 @@ def test_the_robot_and_the_clock_of_the_independent_arithmetic_are_found(pose: b
     assert sigma[0] < 1e-4
     error = np.linalg.norm(tool_error(result, MADE), axis=1)
     nominal = float(result.residual_nominal.mean())
-    assert error.max() < 1e-5
+    noise = MADE.noise_m[0] + MADE.noise_m[1] * float(np.linalg.norm(MADE.seat))
+    assert np.sqrt((error**2).mean()) < noise / 3.0  # 1900 rows, some forty unknowns
     assert nominal > 1e-4
     assert result_at_rest(result).verdict.status is Status.GOOD
 

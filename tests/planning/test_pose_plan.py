@@ -33,6 +33,7 @@ from ballbar.ident.options import FitOptions
 from ballbar.ident.table_fit import fit_table
 from ballbar.planning.capsules import smallest_distance
 from ballbar.planning.feasible_poses import Candidates, Screen, feasible, random_candidates
+from ballbar.planning.files import write_pose_plan
 from ballbar.planning.pose_information import expected_group, information_of
 from ballbar.planning.pose_plan import (
     APART,
@@ -507,3 +508,9 @@ def test_planned_pictures_show_the_whole_board_and_more_than_chance(tmp_path: Pa
     assert (facing > np.cos(np.deg2rad(60.0)) - 1e-6).all()
     assert plan.gain > 1.0
     assert 1e-4 < plan.prediction.tcp_sigma.mean() < 1e-2
+    written = write_pose_plan(plan, tmp_path / "plan", relative_to=PLANS)
+    assert set(written) == {"joints.csv", "plan.yaml"}  # what is measured comes from the pictures
+    rows = rows_of(tmp_path / "plan" / "joints.csv")
+    assert [row["image"] for row in rows] == [f"p{k:03d}.jpg" for k in range(1, 13)]
+    angles = [[float(row[f"J{j} [deg]"]) for j in range(1, 6)] for row in rows]
+    assert np.radians(angles) == pytest.approx(plan.poses.axes, abs=1e-5)

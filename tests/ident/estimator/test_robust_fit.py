@@ -12,8 +12,8 @@ import pytest
 from ballbar.cell.arrays import Array
 from ballbar.cell.geometry import Geometry, geometry_of_chain, parameter_table, robot_geometry
 from ballbar.cell.poses import Measured, PoseTable
-from ballbar.ident.cross_validation import robust_covariance
 from ballbar.ident.estimator import robust_fit
+from ballbar.ident.estimator.block_covariance import robust_covariance
 from ballbar.ident.estimator.build_unknowns import still_unknowns
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.model import Model, still_model
