@@ -28,6 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.acquisition.stamps.likely_ticks import likeliest_ticks, links_sigma, missed_ticks
+from ballbar.acquisition.stamps.links import (
+    ENOUGH,
+    FEWEST,
+    LONGEST,
+    SAMPLE,
+    TickLinks,
+    counted,
+    links_of,
+    scaled,
+)
 from ballbar.acquisition.stamps.order import STAMP, amount
 from ballbar.acquisition.table.table import Table
 from ballbar.cell.arrays import Array
@@ -36,16 +46,8 @@ from ballbar.cell.neighbours import Mask, Rows, robust_sigma
 
 ARRIVAL = "stamps of arrival"  # the finding
 IRREGULAR, SHARE = 0.25, 0.05  # of the usual step, and of the rows: what no device's clock shows
-FEWEST, FEW = 100, 0.2  # rows with new values; sure links, of all: fewer tell of no ticks
-HALVES = (0.05, 0.1, 0.2)  # [s] of arrivals on either side that show the speed at first
-ROWS = (16, 8, 5)  # on either side that show it then, in passes in which their ticks get right
-REGION = 16  # links on either side that must go on by whole ticks, for a link to be sure
-ENOUGH, MOSTLY = 0.999, 0.5  # of the links, sure ones: no second look; each tick has a row
-WHOLE, NEAR = (0.2, 0.4), 4.0  # ticks off a whole number, at least and at most; times the noise
-SURE, LIKELY = 0.6, 0.3  # mean cosine of the phases of a region
+FEW = 0.2  # sure links, of all: fewer tell of no ticks
 BETTER = 0.5  # of what the stamps leave: as much whole ticks may leave
-HALF, HALF_SHARE = 3, 0.8  # links of half ticks that make them the source's own; of those not whole
-SAMPLE = 20_000  # rows that show the period at first
 MANY = 100_000  # delays, whose mean is the usual one
 BLOCK, STEADY = 32, 0.15  # rows among which the least delay counts; ticks by which it may scatter
 MOST = 4000  # blocks
@@ -58,10 +60,8 @@ SEARCHED, REPEATS = 30_000, 3  # rows at most of a log in which they are tried; 
 PASSES = 3  # in which the most likely sequence is sought
 STILL = 0.01  # of the usual way of a tick: so slow is a source that stands
 SHORT = 3.0  # ticks between two rows that need none in between
-LONGEST = 10.0  # ticks between two rows that the values can tell
 HUBER = 2.0  # medians of what a line leaves, from where its points count less
-_REWEIGHTED, _CHUNK = 10, 8192
-_FINEST = 1e-9  # [s]
+_REWEIGHTED = 10
 
 
 class _Source(NamedTuple):
@@ -74,163 +74,39 @@ class _Source(NamedTuple):
     usual: float  # ticks from one set of values to the next
 
 
-def _scaled(channels: Sequence[Array], rows: Rows) -> Array:
-    """(C, F) the rows (F,) of channels in units of their second differences; none without any."""
-    scaled, count = np.empty((len(channels), rows.size)), 0
-    for channel in channels:
-        values = channel if rows.size == channel.size else channel[rows]
-        bend = np.abs(np.diff(values[: 10 * SAMPLE], 2)[:: 1 + values.size // SAMPLE])
-        size = float(np.median(bend)) or float(np.sqrt(np.mean(bend * bend)))
-        if size > 0.0:
-            np.divide(values, size, out=scaled[count])
-            count += 1
-    return scaled[:count]
-
-
-def _progress(values: Array, clock: Array, half: int) -> tuple[Array, Array]:
-    """(F-1,) how far the clock went between two rows, by the way and the speed of their values.
-
-    values : (C, F). clock : (F,) about which the motion is smooth over 2 `half` + 1 rows. Second:
-    (F-1,) the speed.
-    """
-    along, power = np.zeros(clock.size - 1), np.zeros(clock.size - 1)
-    for first in range(half, clock.size - 1 - half, _CHUNK):
-        stop = min(first + _CHUNK, clock.size - 1 - half)
-        inner, chunk = slice(first, stop), values[:, first - half : stop + half + 1]
-        speed = chunk[:, 2 * half + 1 :] - chunk[:, : -2 * half - 1]
-        span = clock[first + half + 1 : stop + half + 1] - clock[first - half : stop - half]
-        speed /= np.maximum(span, _FINEST)
-        way = chunk[:, half + 1 : chunk.shape[1] - half] - chunk[:, half : -half - 1]
-        np.einsum("cf,cf->f", way, speed, out=along[inner])
-        np.einsum("cf,cf->f", speed, speed, out=power[inner])
-    for first, row in ((0, half), (clock.size - 1 - half, clock.size - 2 - half)):  # both ends
-        speed = values[:, row + half + 1] - values[:, row - half]
-        speed /= max(_FINEST, clock[row + half + 1] - clock[row - half])
-        along[first : first + half] = speed @ np.diff(values[:, first : first + half + 1])
-        power[first : first + half] = speed @ speed
-    np.divide(along, power, out=along, where=power > 0.0)
-    return np.nan_to_num(along, posinf=0.0, neginf=0.0), np.sqrt(power, out=power)
-
-
-def _period(progress: Array, speed: Array) -> tuple[float, float]:
-    """[s] the longest period of which the progresses (K,) [s] are whole multiples, and how well.
-
-    Its second part is the mean cosine of the phases, 1 at best.
-    """
-    quick = progress[(speed > 0.3 * np.quantile(speed, 0.9)) & (progress > 0.0)]
-    if quick.size < FEWEST:
-        return 0.0, 0.0
-    quick = quick[:: 1 + quick.size // 1500]
-    tried = np.quantile(quick, 0.25) * np.geomspace(0.25, 1.4, 200)
-    fit = np.array([np.cos(2.0 * np.pi / period * quick).mean() for period in tried])
-    best = int(np.flatnonzero(fit >= 0.85 * fit.max())[-1])
-    while best > 0 and fit[best - 1] > fit[best]:
-        best -= 1
-    return float(tried[best]), float(fit[best])
-
-
-def _sample(values: Array) -> slice:
-    """The SAMPLE rows in which the channels (C, F) go the longest way."""
-    starts = np.arange(0, max(1, values.shape[1] - SAMPLE + 1), SAMPLE // 2)
-    way = [np.abs(np.diff(values[:, k : k + SAMPLE : 200])).sum() for k in starts.tolist()]
-    first = int(starts[np.argmax(way)])
-    return slice(first, first + SAMPLE)
-
-
 def _source(arrival: Array, values: Array) -> _Source | None:
     """The source of rows with new values; None where the stamps fit better than whole ticks.
 
     arrival : (F,) [s]. values : (C, F).
     """
-    period = float(np.ptp(arrival)) / (arrival.size - 1)
-    count, sure, progress = _counted(values, np.ones(arrival.size - 1))
-    if sure.mean() <= ENOUGH:  # not nearly every tick has a row
-        others = _some_ticks(arrival, values)
-        if others[2].mean() > sure.mean() or sure.mean() < MOSTLY:
-            period, count, sure, progress = others
-    usual = 1.0
-    if (half := _halves(sure, progress)).any():
-        usual, period, progress = 2.0, 0.5 * period, 2.0 * progress
-        sure = sure | half
-        count = np.where(sure, np.rint(progress), usual * count)
+    period, links = links_of(arrival, values)
+    left = _left(arrival, links, period)
+    if left is None:
+        return None
+    count, sure, _, usual = links
+    ticks = np.concatenate(([0.0], np.cumsum(np.where(sure, count, usual))))
+    period = _refined(arrival, ticks, sure, period)
+    period, phase, prompt, block = _blocks(arrival, ticks, period)
+    start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
+    ticks += missed_ticks(arrival / period - start - ticks, sure, block)
+    period, ticks = _settled(arrival, values, ticks, period, block, links)
+    if np.mean(np.diff(ticks) <= 0.0) > SHARE:  # rows of one tick: more than one source
+        return None
+    period, start = _line(arrival, ticks, period, block)
+    return _Source(period, start, ticks, period * float(np.sqrt(0.5 * np.mean(left**2))), usual)
+
+
+def _left(arrival: Array, links: TickLinks, period: float) -> Array | None:
+    """(K,) [ticks] how far sure links are from whole ticks; None where the stamps are as good."""
+    count, sure, progress, _ = links
     every = slice(None, None, 1 + sure.size // SAMPLE)
     known, shown = sure[every], progress[every]
     if np.count_nonzero(sure) < max(FEWEST, FEW * sure.size) or not known.any():
         return None
     left = np.abs(shown - count[every])[known]
     stamped = np.abs((arrival[1:][every] - arrival[:-1][every]) / period - shown)[known]
-    if np.mean(stamped > IRREGULAR) < SHARE or left.mean() > BETTER * stamped.mean():
-        return None
-    ticks = np.concatenate(([0.0], np.cumsum(np.where(sure, count, usual))))
-    period = _refined(arrival, ticks, sure, period)
-    period, phase, prompt, block = _blocks(arrival, ticks, period)
-    start = np.interp(np.arange(arrival.size), prompt, _starts(phase))
-    ticks += missed_ticks(arrival / period - start - ticks, sure, block)
-    period, ticks = _settled(arrival, values, ticks, period, usual, block, (sure, progress))
-    if np.mean(np.diff(ticks) <= 0.0) > SHARE:  # rows of one tick: more than one source
-        return None
-    period, start = _line(arrival, ticks, period, block)
-    sigma = period * float(np.sqrt(0.5 * np.mean(left**2)))
-    return _Source(period, start, ticks, sigma, usual)
-
-
-def _halves(sure: Mask, progress: Array) -> Mask:
-    """(F-1,) links between sure ones that are an odd number of half ticks; none if others are not.
-
-    A task of half the period that runs over puts its values off by one of its own ticks.
-    """
-    between = np.zeros(sure.size, dtype=bool)
-    between[1:-1] = ~sure[1:-1] & sure[:-2] & sure[2:] & (progress[1:-1] > 1.0)
-    half = between & (np.abs(progress - np.floor(progress) - 0.5) < 0.5 * WHOLE[0])
-    rule = np.count_nonzero(half) >= max(HALF, HALF_SHARE * np.count_nonzero(between))
-    return half if rule else np.zeros(sure.size, dtype=bool)
-
-
-def _some_ticks(arrival: Array, values: Array) -> tuple[float, Array, Mask, Array]:
-    """[s] period of a source that skips ticks or shows some again, and what `_counted` says then.
-
-    arrival : (F,) [s]. values : (C, F). The arrivals of many rows show the speed, and this the way
-    that is gone again and again.
-    """
-    rate, part, fit, half = arrival.size / np.ptp(arrival), _sample(values), 0.0, 0
-    widest, period = min(SAMPLE, arrival.size) // 3, 0.0
-    for width in HALVES:
-        tried = min(max(ROWS[-1], int(width * rate)), widest)
-        candidate = _period(*_progress(values[:, part], arrival[part], tried))
-        if candidate[1] > fit:
-            (period, fit), half = candidate, tried
-    if not half:
-        none = np.zeros(arrival.size - 1)
-        return 1.0, none, none > 0.0, none
-    likely = np.clip(np.rint(np.diff(arrival) / period), 1.0, LONGEST)
-    return period, *_counted(values, likely, _progress(values, arrival, half)[0] / period)
-
-
-def _counted(
-    values: Array, likely: Array, progress: Array | None = None
-) -> tuple[Array, Mask, Array]:
-    """(F-1,) ticks from row to row, (F-1,) whether they are sure, and (F-1,) progress in ticks.
-
-    values : (C, F). likely : (F-1,) ticks where the values do not tell. progress : (F-1,) in ticks,
-    to begin with.
-    """
-    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415  slow to import, and rarely needed
-
-    count, sure, begun = likely, np.zeros(likely.size, dtype=bool), progress is not None
-    for rows in (0, *ROWS) if begun else ROWS:
-        if rows or progress is None:
-            clock = np.concatenate(([0.0], np.cumsum(count)))
-            progress = _progress(values, clock, rows)[0]
-        whole = np.clip(np.rint(progress), 1.0, LONGEST)
-        region = uniform_filter1d(np.cos(2.0 * np.pi * progress), 2 * REGION + 1)
-        steady = region > SURE
-        noise = (progress - whole)[steady][:: 1 + progress.size // SAMPLE]
-        tolerance = np.clip(NEAR * robust_sigma(noise), *WHOLE) if noise.size else WHOLE[0]
-        sure = steady & (np.abs(progress - whole) < tolerance)
-        before, count = count, np.where(region > LIKELY, whole, likely)
-        if rows and np.array_equal(before, count):
-            break
-    return count, sure, np.asarray(progress)
+    irregular = np.mean(stamped > IRREGULAR) >= SHARE
+    return left if irregular and left.mean() <= BETTER * stamped.mean() else None
 
 
 def _promptest(late: Array, block: int) -> Rows:
@@ -337,24 +213,17 @@ def _starts(phase: Array) -> Array:
 
 
 def _settled(
-    arrival: Array,
-    values: Array,
-    ticks: Array,
-    period: float,
-    usual: float,
-    block: int,
-    links: tuple[Mask, Array],
+    arrival: Array, values: Array, ticks: Array, period: float, block: int, links: TickLinks
 ) -> tuple[float, Array]:
     """[s] period and (F,) ticks of the most likely sequence.
 
-    arrival : (F,) [s]. values : (C, F). ticks : (F,) about. usual : of a link. block : rows among
-    which one is hardly late. links : of the links, which are sure, and their progress. Each pass
-    looks at some ticks on either side of what the one before has found. Where rests leave many
-    links unsure, the period depends on how they are counted: the first pass tries some ticks more
-    and less in the whole log.
+    arrival : (F,) [s]. values : (C, F). ticks : (F,) about. block : rows among which one is hardly
+    late. Each pass looks at some ticks on either side of what the one before has found. Where rests
+    leave many links unsure, the period depends on how they are counted: the first pass tries some
+    ticks more and less in the whole log.
     """
     for turn in range(PASSES):
-        sure, progress = links
+        _, sure, progress, usual = links
         period, start = _line(arrival, ticks, period, block)
         late, share = arrival / period - start - ticks, ticks / ticks[-1] - 0.5
         count, link = np.diff(ticks), np.flatnonzero(~sure)
@@ -374,7 +243,7 @@ def _settled(
         ticks, period = ticks + more[best], period * (1.0 - float(further[best, 0]) / ticks[-1])
         if sure.mean() > ENOUGH or not more[best].any():
             break
-        links = _counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))[1:]
+        links = counted(values, np.clip(np.diff(ticks), 1.0, LONGEST))._replace(usual=usual)
     return period, ticks
 
 
@@ -397,7 +266,7 @@ def _times(arrival: Array, channels: Sequence[Array]) -> _Times | None:
     fresh, torn = whole_and_torn_rows(channels)
     if fresh.size < FEWEST or arrival[-1] == 0.0 or not _irregular(np.diff(arrival[fresh])):
         return None
-    new, at = _scaled(channels, fresh), arrival[fresh] if fresh.size < arrival.size else arrival
+    new, at = scaled(channels, fresh), arrival[fresh] if fresh.size < arrival.size else arrival
     if not len(new) or (source := _source(at, new)) is None:
         return None
     period, start, ticks, sigma, each = source
