@@ -19,6 +19,7 @@ from ballbar.planning.request import PlanRequest, tightened
 from ballbar.sim.path import Lissajous, RodHarmonic
 
 SIDED = (1, 3)  # b2 and b4: negative, as in the path files of this project
+AMPLITUDES = slice(BAR_ROWS, 2 * BAR_ROWS)  # shares of the room, among the numbers of a genome
 DECIMALS, POSITION_DECIMALS = 2, 3  # of degrees and of metres in files
 WIDEST = np.pi  # [rad] largest amplitude of b1, b3 and b5, where the cables allow it
 # [rad] the same of a telescoping bar: of wider paths an arm reaches a fifth as many (UR10e)

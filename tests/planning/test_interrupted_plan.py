@@ -6,6 +6,7 @@ import io
 from contextlib import nullcontext
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -37,7 +38,7 @@ def test_ctrl_c_before_the_search_has_found_anything_keeps_the_first_path(
     stopped = SearchProgress(stopped=True)
     monkeypatch.setattr(planned, "evaluating_processes", lambda *_: nullcontext())
     monkeypatch.setattr(planned, "search", lambda *_, **__: stopped)
-    (only,) = plans(
+    first, *calmer = plans(
         load_request(REQUEST),
         relative_to=REQUEST.parent,
         workers=1,
@@ -45,8 +46,11 @@ def test_ctrl_c_before_the_search_has_found_anything_keeps_the_first_path(
         evaluations=100,
         since=lambda: 1.0,
     )
-    assert only.stopped
-    assert only.tcp.max() < 1e-3
+    assert first.stopped
+    assert first.tcp.max() < 1e-3
+    for share, plan in zip(planned.CALMER, calmer, strict=True):  # for a servo beyond a limit
+        before, after = (p.trajectory.acceleration for p in (first, plan))
+        assert np.abs(after).max() == pytest.approx(share * np.abs(before).max(), rel=0.05)
 
 
 def test_ctrl_c_while_it_runs_in_mujoco_leaves_no_unchecked_plan(
