@@ -28,9 +28,9 @@ from ballbar.cell.camera import Lens
 from ballbar.cell.files import write_whole
 from ballbar.cell.placement import Placement
 from ballbar.ident.table_fit import fit_table
-from ballbar.sim.pictures import Exposure, draw
 from benchmarks.study import in_words, study_parser, write_table
 from tests.helpers import pictures as robots
+from tests.helpers.drawn_boards import Exposure, draw
 
 SQUARE = 0.025  # [m]
 UNUSABLE = ("blank.png", "mirrored.png", "small.png", "twice.png", "unnamed.png")

@@ -83,25 +83,6 @@ class Pattern:
         made = [cv2.aruco.generateImageMarker(dictionary, int(k), side) for k in ids]
         return np.stack(made) < 128
 
-    def dark(self, x: Array, y: Array) -> NDArray[np.bool_]:
-        """Whether the print is dark at points [m] of the board; no point outside it is."""
-        nx, ny = self.squares
-        column, row = (np.floor(part / self.square).astype(np.intp) for part in (x, y))
-        inside = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
-        odd = (column + row) % 2 == 1
-        out = np.asarray(inside & ~odd)
-        if not self.marker:
-            return out
-        edge = 0.5 * (self.square - self.marker)
-        places = [(part - at * self.square - edge) for part, at in ((x, column), (y, row))]
-        size = self.marker / self.cells.shape[1]
-        cell_x, cell_y = (np.floor(part / size).astype(np.intp) for part in places)
-        count = self.cells.shape[1]
-        within = inside & odd & (cell_x >= 0) & (cell_x < count) & (cell_y >= 0) & (cell_y < count)
-        marker = ((row * nx + column) // 2)[within]
-        out[within] = self.cells[marker, cell_y[within], cell_x[within]]
-        return out
-
     def rectangles(self) -> Array:
         """(R, 4) [m] x, y, width and height of the dark parts."""
         nx, ny = self.squares

@@ -17,8 +17,8 @@ from ballbar.cell.board_pattern import Pattern  # noqa: E402
 from ballbar.cell.camera import Lens  # noqa: E402
 from ballbar.cell.errors import DescriptionError, InputError  # noqa: E402
 from ballbar.cell.placement import Placement  # noqa: E402
-from ballbar.sim.pictures import Exposure, draw  # noqa: E402
 from tests.helpers.command_line import ballbar, refusal  # noqa: E402
+from tests.helpers.drawn_boards import Exposure, dark, draw  # noqa: E402
 from tests.helpers.pictures import draw as sighted  # noqa: E402
 from tests.helpers.pictures import write  # noqa: E402
 
@@ -87,12 +87,12 @@ def test_the_print_is_that_of_opencv(squares: tuple[int, int]) -> None:
     pattern, cell = Pattern(board_of("charuco", squares)), 50
     image = pattern.charuco.generateImage((squares[0] * cell, squares[1] * cell))
     y, x = SQUARE / cell * (np.mgrid[0 : squares[1] * cell, 0 : squares[0] * cell] + 0.5)
-    dark = pattern.dark(x, y)
-    assert np.array_equal(dark, image < 128)
-    covered = np.zeros_like(dark)
+    printed = dark(pattern, x, y)
+    assert np.array_equal(printed, image < 128)
+    covered = np.zeros_like(printed)
     for left, top, width, height in pattern.rectangles():
         covered |= (x > left) & (x < left + width) & (y > top) & (y < top + height)
-    assert np.array_equal(covered, dark)
+    assert np.array_equal(covered, printed)
 
 
 def folder_of_pictures(folder: Path) -> Path:

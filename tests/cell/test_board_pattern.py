@@ -8,6 +8,7 @@ import pytest
 from ballbar.cell.board import BoardFile
 from ballbar.cell.board_pattern import Pattern
 from ballbar.cell.errors import DescriptionError
+from tests.helpers.drawn_boards import dark
 
 cv2 = pytest.importorskip("cv2")
 SQUARE, MARKER = 0.03, 0.018  # [m] a cell of a marker is 3 mm: 3 px of the picture below
@@ -28,27 +29,27 @@ def test_a_charuco_board_is_dark_where_opencv_prints_it_dark(squares: tuple[int,
     image = made.charuco.generateImage((30 * squares[0], 30 * squares[1]))
     v, u = (np.arange(n) + 0.5 for n in image.shape)  # middles of pixels of a millimetre
     x, y = np.meshgrid(1e-3 * u, 1e-3 * v)
-    assert np.array_equal(made.dark(x, y), image < 128)
+    assert np.array_equal(dark(made, x, y), image < 128)
 
 
 @pytest.mark.parametrize("kind", ["charuco", "checkerboard"])
 def test_the_dark_parts_are_rectangles_and_nothing_outside_the_board_is_dark(kind: str) -> None:
     made = pattern(kind)
     x, y = np.random.default_rng(6).uniform(-0.02, 0.17, (2, 20_000))
-    dark = np.zeros(x.size, dtype=bool)
+    covered = np.zeros(x.size, dtype=bool)
     for left, top, width, height in made.rectangles():
-        dark |= (x >= left) & (x < left + width) & (y >= top) & (y < top + height)
-    assert np.array_equal(made.dark(x, y), dark)
+        covered |= (x >= left) & (x < left + width) & (y >= top) & (y < top + height)
+    assert np.array_equal(dark(made, x, y), covered)
     outside = (x < 0.0) | (x > 5 * SQUARE) | (y < 0.0) | (y > 4 * SQUARE)
     assert outside.any()
-    assert not made.dark(x, y)[outside].any()
+    assert not dark(made, x, y)[outside].any()
 
 
 def test_the_first_square_is_dark_and_its_neighbours_are_light() -> None:
     made, middle = pattern("checkerboard"), 0.5 * SQUARE
     at = middle + SQUARE * np.array([0.0, 1.0, 0.0, 1.0])
     down = middle + SQUARE * np.array([0.0, 0.0, 1.0, 1.0])
-    assert made.dark(at, down).tolist() == [True, False, False, True]
+    assert dark(made, at, down).tolist() == [True, False, False, True]
     assert len(made.rectangles()) == 10
 
 

@@ -14,7 +14,7 @@ from ballbar.cell.board_pattern import Pattern
 from ballbar.cell.camera import Lens
 from ballbar.cell.placement import Placement
 from ballbar.cell.rotation import matrix_from_rotvec
-from ballbar.sim.pictures import Exposure, _window, draw
+from tests.helpers.drawn_boards import Exposure, _window, draw
 
 SQUARE, SIZE = 0.03, (320, 240)
 CENTRE = np.array([159.5, 119.5])  # [px] of the optical axis

@@ -111,5 +111,24 @@ def _grey(pattern: Pattern, ray: Array) -> Array:
     paper = (x > -edge) & (x < nx * pattern.square + edge)
     paper &= (y > -edge) & (y < ny * pattern.square + edge)
     grey = np.where(paper, _WHITE, _TABLE)
-    grey[pattern.dark(x, y)] = _BLACK
+    grey[dark(pattern, x, y)] = _BLACK
     return grey
+
+
+def dark(pattern: Pattern, x: Array, y: Array) -> NDArray[np.bool_]:
+    """Whether a print is dark at points [m] of its board; no point outside it is."""
+    nx, ny = pattern.squares
+    column, row = (np.floor(part / pattern.square).astype(np.intp) for part in (x, y))
+    inside = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
+    odd = (column + row) % 2 == 1
+    out = np.asarray(inside & ~odd)
+    if not pattern.marker:
+        return out
+    edge = 0.5 * (pattern.square - pattern.marker)
+    places = [(part - at * pattern.square - edge) for part, at in ((x, column), (y, row))]
+    count = pattern.cells.shape[1]
+    cell_x, cell_y = (np.floor(part / pattern.marker * count).astype(np.intp) for part in places)
+    within = inside & odd & (cell_x >= 0) & (cell_x < count) & (cell_y >= 0) & (cell_y < count)
+    marker = ((row * nx + column) // 2)[within]
+    out[within] = pattern.cells[marker, cell_y[within], cell_x[within]]
+    return out
