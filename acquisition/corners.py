@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,9 +41,7 @@ class Corners:
     def take(self, chosen: NDArray[np.bool_]) -> Corners:
         """The corners of the chosen pictures (N,)."""
         images = tuple(np.array(self.images, dtype=object)[chosen])
-        return Corners(
-            self.instrument, self.board, self.carried, self.file, images, self.pixels[chosen]
-        )
+        return replace(self, images=images, pixels=self.pixels[chosen])
 
 
 def read_corners(

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from ballbar.acquisition.bundle import Bundle, Pictures, names_of, prior_of
 from ballbar.acquisition.corners import Corners
-from ballbar.acquisition.picture_start import bundle
 from ballbar.acquisition.pose_rows import FilePoses
 from ballbar.acquisition.report import Finding, finding
 from ballbar.cell.arrays import Array
@@ -46,6 +45,8 @@ def posed(robot: Robot, files: Sequence[FilePoses]) -> list[FilePoses]:
 
 def _posed(robot: Robot, name: str, files: Sequence[FilePoses]) -> list[FilePoses]:
     """The poses of the files of one camera and board."""
+    from ballbar.acquisition.picture_start import bundle  # noqa: PLC0415  the extra camera
+
     corners = [f.corners for f in files if f.corners is not None]
     first, q = corners[0], np.concatenate([f.group.q for f in files])
     assert first.instrument.camera is not None  # checked with the declaration

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+import yaml
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
@@ -88,21 +90,16 @@ def _described(
 
 def _text(board: BoardFile) -> str:
     """The description, with what has to be measured."""
-    side, (nx, ny) = board.square_m or 0.0, Pattern(board).squares
-    row = side * nx
-    markers = "" if board.marker_m is None else f"marker_m: {board.marker_m:.7g}\n"
-    dictionary = "" if board.dictionary is None else f"dictionary: {board.dictionary}\n"
+    nx, _ = Pattern(board).squares
+    row = nx * (board.square_m or 0.0)
     return f"""\
 # Fix the print flat on a stiff plate. Measure a whole row of {nx} squares, here {row * MM:g} mm,
 # and a column; divide by the number of squares, and write the mean below with its standard
-# deviation: 0.1 mm over the row is {1e-4 / nx:.1g} m. All lengths of the result have this scale.
-schema: ballbar-board/1
-kind: {board.kind}
-squares_x: {nx}
-squares_y: {ny}
-square_m: {side:.7g}
-{markers}{dictionary}sigma_m: {board.sigma_m:.3g}  # of a printer, unmeasured
-"""
+# deviation: 0.1 mm over the row is {1e-4 / nx:.1g} m; what stands there is that of a printer. All
+# lengths of the result have this scale.
+""" + yaml.safe_dump(
+        board.model_dump(mode="json", by_alias=True, exclude_defaults=True), sort_keys=False
+    )
 
 
 def _drawn(pattern: Pattern, paper: tuple[float, float]) -> bytes:
@@ -142,9 +139,8 @@ def _ruler(axes: Axes, origin: Array, along: tuple[float, float]) -> None:
     """Draws a ruler away from the board, from its origin (2,) [mm] along an axis."""
     step = np.array(along)
     out = np.array([0.0, 1.0]) if step[0] else np.array([-1.0, 0.0])
-    width = 0.1 * _POINTS_PER_MM
-    for at in range(0, _RULER + 1, 1):
-        tick = _LONG_TICK if at % 10 == 0 else _TICK
-        ends = np.stack((origin + at * step, origin + at * step + tick * out))
-        axes.plot(*ends.T, color="black", linewidth=width)
-    axes.plot(*np.stack((origin, origin + _RULER * step)).T, color="black", linewidth=width)
+    at = np.arange(_RULER + 1)
+    tick = np.where(at % 10 == 0, _LONG_TICK, _TICK)
+    begin = origin + at[:, None] * step
+    lines = [*np.stack((begin, begin + tick[:, None] * out), axis=1), begin[[0, -1]]]
+    axes.add_collection(LineCollection(lines, colors="black", linewidths=0.1 * _POINTS_PER_MM))
