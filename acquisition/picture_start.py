@@ -87,16 +87,16 @@ def _posed(start: Bundle) -> tuple[Bundle, Bundle]:
 
 
 def _agreeing(start: Bundle) -> Iterator[tuple[int, NDArray[np.intp], Array]]:
-    """Of each picture that shows a plane: its number, its corners (M,) that agree on it, and the
+    """Yields, of each picture that shows a plane, its number, corners (M,) that agree on it, and
     tangents (M, 2) of their lines of sight.
     """
     pictures, lens = start.pictures, Lens(start.pictures.camera.lens.model, start.lens)
     for n, seen in enumerate(pictures.seen):
         corners = np.flatnonzero(seen)
         tangents = lens.tangents(pictures.pixels[n, corners])
-        near = _PLANE * float(np.ptp(tangents, axis=0).max(initial=0.0))
+        limit = _PLANE * float(np.ptp(tangents, axis=0).max(initial=0.0))
         points = pictures.board.points[corners]
-        plane, agree = cv2.findHomography(points, tangents, cv2.RANSAC, near)
+        plane, agree = cv2.findHomography(points, tangents, cv2.RANSAC, limit)
         if plane is not None:
             close = agree.ravel() > 0
             yield n, corners[close], tangents[close]
@@ -119,10 +119,10 @@ def _focused(start: Bundle) -> Bundle:
     within the prior, the principal point and the ratio of the focal lengths as declared.
     """
     points = start.pictures.board.bent(start.shape)[0] * [1.0, 1.0, 0.0]
-    found = [(points[agree], tangents) for _, agree, tangents in _agreeing(start)]
-    if not found:
+    sights = [(points[agree], tangents) for _, agree, tangents in _agreeing(start)]
+    if not sights:
         return start
-    parts = zip(*found, strict=True)
+    parts = zip(*sights, strict=True)
     planes, images = ([values.astype(np.float32) for values in part] for part in parts)
     share = cv2.initCameraMatrix2D(planes, images, (1, 1), 1.0)[0, 0]
     wide = 3.0 * np.sqrt(start.pictures.camera.covariance[0, 0]) / start.lens[0]
