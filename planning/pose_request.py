@@ -34,7 +34,7 @@ class PlannedBoard(Strict):
     """Its file (schema `ballbar-board/1`), from the folder of the request."""
     camera: Literal["cell", "flange"] = "cell"
     """Where the camera stands: in the cell, with the board on the flange, or on the flange."""
-    tilt_max_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 60.0
+    tilt_max_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 50.0
     """Largest angle between the line of sight and the board's normal."""
 
 

@@ -95,22 +95,22 @@ def export(
     if joints and into is None:
         raise InputError("--joints names joints of the file of --into; give both or none.")
     robot = load_result(result)
-    lines: list[str] = []
+    ranges = robot.range_notes
     if into is not None:
         names = [name.strip() for name in joints.split(",") if name.strip()]
         if into.suffix in OFFSET_FILES:
             content, lines = offsets_into(robot, into, names)
         else:
             changed = into_file(robot, into, names)
-            content, lines = changed.content, changed_lines(changed, robot)
+            content, lines, ranges = changed.content, changed_lines(changed, robot), changed.ranges
     else:
         assert to is not None  # one of the two is given
         content = exported(robot, to).encode()
-        lines = [f"Not in it: {'; '.join(robot.left_out)}", *robot.range_notes]
+        lines = [f"Not in it: {'; '.join(robot.left_out)}", *ranges]
     if file is not None:
         write_new(file, content)
     if as_json:
-        say_json(export_summary(robot, to or "into", content, file))
+        say_json(export_summary(robot, to or "into", content, file, ranges))
     elif file is None:
         typer.echo(content.decode(), nl=False)
     else:

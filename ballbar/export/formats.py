@@ -93,8 +93,13 @@ def exported(result: Result, to: str) -> str:
     return FORMATS[FORMATS.known(to, f" format {to!r}")](result)
 
 
-def export_summary(result: Result, to: str, content: bytes, out: Path | None) -> dict[str, object]:
-    """JSON of `export`: what was written; without a file it holds the text itself."""
+def export_summary(
+    result: Result, to: str, content: bytes, out: Path | None, ranges: list[str]
+) -> dict[str, object]:
+    """JSON of `export`: what was written; without a file it holds the text itself.
+
+    ranges : lines of text on the ranges that the joints were fitted over.
+    """
     summary: dict[str, object] = {
         "format": to,
         "robot": result.name,
@@ -105,6 +110,6 @@ def export_summary(result: Result, to: str, content: bytes, out: Path | None) ->
             result.entry(parameter).sigma is not None for parameter in result.parameters
         ),
         "left_out": result.left_out,
-        "warnings": result.range_notes,
+        "warnings": ranges,
     }
     return summary if out is not None else summary | {"text": content.decode()}

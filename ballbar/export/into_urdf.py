@@ -32,6 +32,7 @@ class ChangedFile:
     shift: Array  # (J,) [m] of each origin
     turn: Array  # (J,) [rad]
     error: float  # [m] largest, of the chain as read back against the identified one
+    ranges: list[str]  # lines of text: fitted ranges of the file's joints
 
 
 def into_file(result: Result, file: Path, joints: Sequence[str] = ()) -> ChangedFile:
@@ -67,6 +68,7 @@ def into_file(result: Result, file: Path, joints: Sequence[str] = ()) -> Changed
         shift=np.array([np.linalg.norm(new[:3, 3] - old[:3, 3]) for new, old in pairs]),
         turn=np.array([_angle(new[:3, :3].T @ old[:3, :3]) for new, old in pairs]),
         error=error,
+        ranges=result.ranges_of(names, match.sign),
     )
 
 
@@ -81,7 +83,7 @@ def changed_lines(changed: ChangedFile, result: Result) -> list[str]:
         *changes,
         f"read back, the chain agrees with the identified one within {changed.error:.1e} m",
         f"Not in it: {'; '.join(result.left_out)}",
-        *result.range_notes,
+        *changed.ranges,
     ]
 
 

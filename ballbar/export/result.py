@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.cell.arrays import Array
 from ballbar.cell.bodies import carried_bodies, joined_link, link_bodies
 from ballbar.cell.chain import Chain
 from ballbar.cell.descriptions import Cell, Link, Robot
@@ -123,13 +124,19 @@ class Result:
 
     @property
     def range_notes(self) -> list[str]:
-        """Ranges of the axes that still poses were fitted over; not stated of logs."""
+        """Ranges of the joints that still poses were fitted over; not stated of logs."""
+        names = [f"joint {j}" for j in range(1, self.robot.joints + 1)]
+        return self.ranges_of(names, np.ones(len(names)))
+
+    def ranges_of(self, names: Iterable[str], sign: Array) -> list[str]:
+        """As `range_notes`, by a file's names of the joints; sign : (J,) of its positions."""
         if self.cell is not None:
             return []
+        ends = np.sort(sign[:, None] * np.array(self.calibration.ranges), axis=1).tolist()
         ranges = [
-            f"  joint {j}: {np.rad2deg(low):.1f} to {np.rad2deg(high):.1f} deg "
-            f"({float(low)!r} to {float(high)!r} rad)"
-            for j, (low, high) in enumerate(self.calibration.ranges, start=1)
+            f"  {name}: {np.rad2deg(low):.1f} to {np.rad2deg(high):.1f} deg "
+            f"({low:.4f} to {high:.4f} rad)"
+            for name, (low, high) in zip(names, ends, strict=True)
         ]
         return [
             "WARNING: outside the fitted range of a joint the error is unknown and may exceed that "

@@ -187,6 +187,10 @@ def test_an_existing_urdf_has_the_identified_kinematics_and_keeps_the_rest(
     assert 1e-4 < np.abs(new - old)[:, :3, 3].max() < 2e-2
     assert changed.shift.max() < 5e-3, "links stay near their places"
     assert changed.turn.max() < 1e-2
+    ends = np.sort(sign * np.rad2deg(result.calibration.ranges).T, axis=0).T
+    stated = [f"  j{k}: {low:.1f} to {high:.1f} deg (" for k, (low, high) in enumerate(ends, 1)]
+    joints = [line for line in changed.ranges if line.startswith("  ")]
+    assert [line[: len(s)] for line, s in zip(joints, stated, strict=True)] == stated
 
 
 def _base(tips: Array, rows: Array) -> Array:
