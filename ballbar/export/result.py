@@ -129,7 +129,7 @@ class Result:
         return self.ranges_of(names, np.ones(len(names)))
 
     def ranges_of(self, names: Iterable[str], sign: Array) -> list[str]:
-        """As `range_notes`, by a file's names of the joints; sign : (J,) of its positions."""
+        """Lines of `range_notes` by other names of the joints; sign : (J,) of their positions."""
         if self.cell is not None:
             return []
         ends = np.sort(sign[:, None] * np.array(self.calibration.ranges), axis=1).tolist()
