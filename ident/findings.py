@@ -37,8 +37,11 @@ LEAST_SCALE = 1e-3
 # model leaves unexplained: what is smaller changes the stated uncertainty by less than an eighth.
 LEAST_EFFECT = 0.5
 ALONG = 0.95  # cosine between residual and last move from which it lies along it
+# Scatter of the rows, OUTLIER times their median error, over the error of an outlier up to which it
+# is compared with the others. By volume a wrong row fits one of them by chance in 1 of 400 cases
+# (40 rows of an SO-101, 10 mm) to 1 of 200 000 (60 of a UR5e, 1.4 mm).
+STRAY = 0.1
 SCORE_BLOCKS = 100  # of time, of a robot that was followed: its neighbouring rows err together
-EXCHANGED = 0.1  # of the errors of two outliers, left with each other's joint angles
 DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
 CHANCE = 1e-3
 
@@ -61,7 +64,8 @@ class Findings:
     unsettled: NDArray[np.intp]
     unfinished: float  # share of the last move by which all angles were read early; 0: not seen
     drifts: tuple[SeatDrift, ...]
-    exchanged: tuple[tuple[int, int], ...] = ()  # outliers that fit each other's joint angles
+    # outliers, another row, and whether they fit its joint angles or else have the same ones
+    strays: tuple[tuple[int, int, bool], ...] = ()
     steps: tuple[Step, ...] = ()  # of the table that was given; the fit has two names for each
 
 
@@ -76,24 +80,31 @@ def findings_of(fit: Fit) -> Findings:
     lengths = lengths_of(fit)
     unsettled = _unsettled(fit, lengths)
     outliers = np.setdiff1d(np.flatnonzero(lengths > OUTLIER), unsettled)
-    exchanged = _exchanged(fit, outliers)
-    return Findings(outliers, unsettled, _unfinished(fit), _drifts(fit), exchanged)
+    strays = _strays(fit, outliers)
+    return Findings(outliers, unsettled, _unfinished(fit), _drifts(fit), strays)
 
 
-def _exchanged(fit: Fit, outliers: NDArray[np.intp]) -> tuple[tuple[int, int], ...]:
-    """Pairs of outliers whose joint angles are those of each other, by measured positions."""
-    out, first = list[tuple[int, int]](), 0
+def _strays(fit: Fit, outliers: NDArray[np.intp]) -> tuple[tuple[int, int, bool], ...]:
+    """Outliers and the row whose joint angles they fit instead, or else whose angles they have.
+
+    They fit by their measured positions, as well as the other rows fit their own. Outliers that lie
+    nearer than ten times that are left alone: glitches of an instrument, also of repeated poses.
+    """
+    out, first = list[tuple[int, int, bool]](), 0
     for point in fit.linear.evaluations[fit.still]:
-        n, closure = point.still.size, point.target_closure
+        n, closure, q = point.still.size, point.target_closure, point.still.q
         own = outliers[(outliers >= first) & (outliers < first + n)] - first
-        if point.still.kind.directions == 3 and point.still.motion is None and own.size > 1:
-            measured, predicted = closure.sight.point[:, own], closure.robot.tip[:, own]
-            away = np.linalg.norm(measured[:, :, None] - predicted[:, None], axis=0)
-            alone = np.diag(away)
-            pairs = away + away.T < EXCHANGED * (alone[:, None] + alone)
-            out += [
-                (first + int(own[i]), first + int(own[j])) for i, j in np.argwhere(pairs) if i < j
-            ]
+        if point.still.kind.directions == 3 and point.still.motion is None and own.size:
+            measured, predicted = closure.sight.point, closure.robot.tip
+            alone = np.linalg.norm(measured - predicted, axis=0)
+            usual = OUTLIER * float(np.median(alone))
+            for i in own[usual < STRAY * alone[own]].tolist():
+                away = np.linalg.norm(measured[:, i, None] - predicted, axis=0)
+                same = np.flatnonzero((q == q[i]).all(axis=1) & (np.arange(n) != i))
+                if away.min() < usual:
+                    out.append((first + i, first + int(away.argmin()), True))
+                elif same.size:
+                    out.append((first + i, first + int(same[0]), False))
         first += n
     return tuple(out)
 

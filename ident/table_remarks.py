@@ -64,12 +64,7 @@ def _findings(estimate: TableEstimate, findings: Findings) -> Iterator[str]:
             f"{_poses(findings.outliers.size)} far from the model and counting little or not at "
             f"all: {_listed([names[i] for i in findings.outliers])}"
         )
-    if findings.exchanged:
-        pairs = [f"{names[i]} and {names[j]}" for i, j in findings.exchanged]
-        yield (
-            f"rows that fit each other's joint angles: {_listed(pairs)}; exchange their angles, or "
-            "the names of their pictures"
-        )
+    yield from _strays(findings, names)
     if findings.unsettled.size:
         left_out = ", and left out" if estimate.alone else ""
         yield (
@@ -90,6 +85,22 @@ def _findings(estimate: TableEstimate, findings: Findings) -> Iterator[str]:
             "measurement; it is not part of the model: measure reference points, or in a shorter "
             "time"
         )
+
+
+def _strays(findings: Findings, names: list[str]) -> Iterator[str]:
+    """Rows whose joint angles are those of another row."""
+    fits = {i: j for i, j, fitting in findings.strays if fitting}
+    pairs = [f"{names[i]} and {names[j]}" for i, j in fits.items() if i < j and fits.get(j) == i]
+    others = [f"{names[i]} that of {names[j]}" for i, j in fits.items() if fits.get(j) != i]
+    same = [f"{names[i]} as {names[j]}" for i, j, fitting in findings.strays if not fitting]
+    for rows, what, remedy in (
+        (pairs, "fit each other's joint angles", "exchange their angles, or the names of"),
+        (others, "fit the joint angles of another row", "correct their angles, or the names of"),
+        (same, "have the joint angles of another row, whose values are others",
+         "correct their angles, or the names of"),
+    ):  # fmt: skip
+        if rows:
+            yield f"rows that {what}: {_listed(rows)}; {remedy} their pictures"
 
 
 def _scale(estimate: TableEstimate) -> Iterator[str]:

@@ -192,9 +192,12 @@ def test_two_exchanged_pictures_are_named_and_do_no_harm(
     assert within(estimate, drawn) < 2.0
 
 
-def test_a_picture_with_another_s_angles_is_not_called_exchanged(tmp_path: Path) -> None:
-    """The other one has its own angles too, or a third has them."""
-    drawn = draw(20)
+@pytest.mark.parametrize("carried", [False, True])
+def test_a_picture_out_of_order_is_named_by_whose_angles_it_fits_or_has(
+    tmp_path: Path, *, carried: bool
+) -> None:
+    """One row has another's angles; or three do in turn, the first those of a fourth."""
+    drawn, row = draw(20, carried=carried), "joints.csv:{}".format
     for source in ([10], [10, 11, 12]):
         q = drawn.q.copy()
         q[source] = drawn.q[np.roll([*source, 30], 1)[: len(source)]]
@@ -202,6 +205,24 @@ def test_a_picture_with_another_s_angles_is_not_called_exchanged(tmp_path: Path)
         warnings = result_at_rest(estimate).verdict.warnings
         assert any("far from the model" in warning for warning in warnings)
         assert not any("each other's" in warning for warning in warnings)
+        same = f"whose values are others: {row(12)} as {row(32)}"
+        assert any(same in warning for warning in warnings) == (len(source) == 1)
+        fits = f"{row(12)} that of {row(13)}, {row(13)} that of {row(14)}"
+        assert any(fits in warning for warning in warnings) == (len(source) == 3)
+        assert within(estimate, drawn) < 2.0
+
+
+@pytest.mark.parametrize("seed", [20, 21])
+def test_a_wrong_picture_is_not_said_to_fit_the_angles_of_another_row(
+    tmp_path: Path, seed: int
+) -> None:
+    """Three of 60 have angles of no other row."""
+    drawn = draw(seed)
+    q = drawn.q.copy()
+    q[[5, 17, 40]] += np.random.default_rng(seed).uniform(-0.5, 0.5, (3, 6))
+    warnings = result_at_rest(estimated(replace(drawn, q=q), tmp_path)).verdict.warnings
+    assert any("3 poses far from the model" in warning for warning in warnings)
+    assert not any("joint angles of another row" in warning for warning in warnings)
 
 
 def test_the_noise_of_depth_does_not_widen_the_stated_regions(tmp_path: Path) -> None:
