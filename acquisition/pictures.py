@@ -148,9 +148,8 @@ def pose_values(
     to_values = np.tile(np.eye(6), (len(rows), 1, 1))
     if carried:
         back = rotation.transpose(0, 2, 1)
-        arm = np.cross(origin[:, None], np.eye(3)).transpose(0, 2, 1)  # matrix of origin x
         to_values[:, :3, :3] = to_values[:, 3:, 3:] = -back
-        to_values[:, :3, 3:] = -back @ arm
+        to_values[:, :3, 3:] = -back @ np.cross(origin[:, None], np.eye(3)).transpose(0, 2, 1)
         rotation, origin = back, -(back @ origin[..., None])[..., 0]
     noise = fitted.picture_noise[rows, None, None]
     covariance = noise**2 * to_values @ np.linalg.inv(own) @ to_values.transpose(0, 2, 1)

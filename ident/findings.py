@@ -100,10 +100,9 @@ def _strays(fit: Fit, outliers: NDArray[np.intp]) -> tuple[tuple[int, int, bool]
             usual = OUTLIER * float(np.median(alone))
             for i in own[usual < STRAY * alone[own]].tolist():
                 away = np.linalg.norm(measured[:, i, None] - predicted, axis=0)
-                same = np.flatnonzero((q == q[i]).all(axis=1) & (np.arange(n) != i))
                 if away.min() < usual:
                     out.append((first + i, first + int(away.argmin()), True))
-                elif same.size:
+                elif (same := np.flatnonzero((q == q[i]).all(axis=1) & (np.arange(n) != i))).size:
                     out.append((first + i, first + int(same[0]), False))
         first += n
     return tuple(out)
