@@ -18,7 +18,7 @@ from ballbar.cell.load import load_robot
 from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.ident.robot.accuracy import position_sigma
 from ballbar.ident.robot.tcp_uncertainty import scale_error
-from ballbar.planning.candidate import PathCandidate, genome_of, rounded, space_of
+from ballbar.planning.candidate import PathCandidate, genome_of, space_of
 from ballbar.planning.clearance import clearance
 from ballbar.planning.crlb import predict
 from ballbar.planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
@@ -50,6 +50,7 @@ from ballbar.planning.workspace import KeepOut
 from ballbar.scenario import load_scenario
 from ballbar.sim.errors.static_errors import THESIS_3_1, true_geometry
 from ballbar.sim.path_files import load_lissajous
+from tests.helpers.first_path import first_runnable
 from tests.helpers.program_reader import read_krl, read_pdl2, read_rapid
 
 ROOT = Path(__file__).parents[2]
@@ -265,10 +266,7 @@ def test_cover_of_the_sphere_is_that_of_a_cap() -> None:
 
 @pytest.fixture(scope="module")
 def runnable() -> tuple[Evaluator, PathCandidate]:
-    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    given = evaluators(requested)
-    start, _ = first_path(given)
-    return given[start.rod], rounded(space_of(requested).candidate(start.genome))
+    return first_runnable()
 
 
 @pytest.mark.parametrize(
