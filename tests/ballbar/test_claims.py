@@ -982,7 +982,7 @@ def test_identified_errors_are_those_of_the_first_seed() -> None:
 
 
 def studied(**changes: Any) -> ClaimEvidence:
-    """What two costs identify of a mechanism of three parameters."""
+    """Studies of a mechanism of three parameters by two costs."""
 
     def study(groups: Sequence[str], without: Sequence[str], dependent: Sequence[str]) -> Any:
         selection = SimpleNamespace(

@@ -229,7 +229,7 @@ def test_coordinates_are_cut_and_what_is_written_is_not() -> None:
 
 
 class Page(NamedTuple):
-    """What a figure consists of [pt]."""
+    """The elements of a figure [pt]."""
 
     width: float
     height: float

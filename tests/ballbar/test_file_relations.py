@@ -203,7 +203,7 @@ def test_the_tolerance_is_of_the_robot_or_of_its_repetition_or_of_the_instrument
 
 
 def test_the_residual_of_a_file_is_what_seat_and_target_leave() -> None:
-    """Of exact points none; one 3 mm off along z in the base's frame leaves just that."""
+    """Exact points leave none; one 3 mm off along z in the base's frame leaves just that."""
     rng = np.random.default_rng(4)
     exact = drawn_robot("ur5", rng, 0.0, 0.0)
     q = exact.angles(12, rng)

@@ -19,6 +19,7 @@ import ballbar as bb
 from ballbar import FitOptions
 from ballbar.cell.arrays import Array
 from ballbar.cell.errors import InputError
+from ballbar.history import results as stored_results
 from ballbar.history import show
 from ballbar.history.events import (
     AxisEvent,
@@ -529,14 +530,14 @@ def test_quantities_are_of_an_axis_and_of_a_kind_or_are_not_compared() -> None:
 
 
 def test_the_limit_is_what_chance_exceeds_once_in_a_thousand_histories() -> None:
-    """Of one test 3.29 deviations, of a hundred that of 1e-5: 4.42 (two-sided normal)."""
+    """One test: 3.29 deviations; a hundred, so 1e-5 each: 4.42 (two-sided normal)."""
     assert limit(1) == pytest.approx(3.2905, abs=1e-4)
     assert limit(100) == pytest.approx(4.4172, abs=1e-4)
     assert limit(0) == limit(1)
 
 
 def test_tests_are_counted_by_events_and_pairs_of_dates() -> None:
-    """Of four dates three steps and two drifts, and two comparisons each; of two days one step."""
+    """Four dates: three steps, two drifts, two comparisons each; two days: one step."""
     assert count_of_tests(series(np.zeros(4))) == 3 + 2 + 8
     same_day = series(np.zeros(4), t=np.array([0.0, 0.0, 1.0, 1.0]))
     assert count_of_tests(same_day) == 1 + 8
@@ -605,3 +606,37 @@ def test_the_figure_shows_micrometres_of_the_tool_since_the_first_result() -> No
     assert not first.patches
     strong, weak = (panel.containers[0].lines[0].get_alpha() for panel in (second, first))
     assert strong > weak
+
+
+def test_every_result_is_compared_with_the_first_before_it_is_used(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Another robot, poses among logs, and a single day are refused."""
+
+    def stored(day: int, title: str = "UR", *, of_logs: bool = True) -> Any:
+        file = SimpleNamespace(measured_on=f"2025-01-{day:02}")
+        asked = list[str]()
+        calibration = SimpleNamespace(
+            robot=SimpleNamespace(title=title), file=file, of_logs=of_logs, path=f"{day}.yaml",
+            file_of_logs=lambda: asked.append("logs"), file_of_poses=lambda: asked.append("poses"),
+        )  # fmt: skip
+        return calibration, asked
+
+    def read(*results: Any) -> Any:
+        by_path = {Path(r.path): r for r, _ in results}
+        monkeypatch.setattr(stored_results, "load", by_path.__getitem__)
+        return stored_results.dated_results(list(by_path))
+
+    first, second, third = stored(3), stored(1), stored(2)
+    dated = read(first, second, third)
+    assert [r.day.day for r in dated] == [1, 2, 3]
+    assert (first[1], second[1], third[1]) == (["logs"], [], ["logs"])
+    poses = stored(1, of_logs=False), stored(2, of_logs=False)
+    read(*poses)
+    assert poses[1][1] == ["poses"]
+    with pytest.raises(InputError, match=r"2\.yaml: is of robot KUKA, 1\.yaml of UR"):
+        read(stored(1), stored(2, "KUKA"))
+    same = stored(4), stored(4)
+    same[1][0].path = "other.yaml"
+    with pytest.raises(InputError, match="2 of 2025-01-04: a history has results of two days"):
+        read(*same)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from ballbar.cell.errors import FailureError, InputError
+from ballbar.cell.files import write_yaml
 from ballbar.cell.load import load_robot
 from ballbar.ident.verdict import Status
 from ballbar.rehearsal import day, files, live, second_path, targets
@@ -389,7 +390,7 @@ def test_the_chain_has_times_to_a_tenth_of_a_second(begun: Day) -> None:
 
 
 def test_a_new_day_takes_the_place_of_the_one_before_as_a_whole(tmp_path: Path) -> None:
-    """What the new day has not is gone; what is no output of a day stays."""
+    """Outputs that the new day has not are gone; what is no output of a day stays."""
     beside, out = tmp_path / "beside", tmp_path / "out"
     for folder, text in ((beside, "new"), (out, "old")):
         (folder / "result").mkdir(parents=True)
@@ -597,3 +598,37 @@ def test_a_second_path_may_move_the_seat_by_15_cm_and_the_rod_may_lean_in_its_cu
     data = second_path.request_data(length, scenario_file("ur10e_telescoping").parent)
     assert data["cell"]["seat"] == {"axis": [0.0, 0.0, 1.0], "cone_deg": 80.0}
     assert "sensors" not in data
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_the_second_path_is_that_of_a_plan_after_the_first_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stopped: bool
+) -> None:
+    """Searched for ten seconds; Ctrl-C ends the day, as the plan would keep its best path."""
+    asked = list[Any]()
+
+    def make(request: Any, file: Path, options: Any) -> bool:
+        asked.append((request.name, file, options))
+        shipped = (SHIPPED / "paths" / "irb2400_a.yaml").read_text()
+        options.folder.mkdir()
+        path = options.folder / "path.yaml"
+        path.write_text(f"{shipped}ballbar_position_m: [0.8, 0.1, 0.5]\n")
+        planned = {"search": {"stopped": stopped}, "tcp_sigma_m": {"rms_median_robot": 1e-5}}
+        write_yaml(options.folder / "plan.yaml", planned)
+        return True
+
+    monkeypatch.setattr(second_path, "make_plan", make)
+    arguments = SCENARIO, tmp_path, tmp_path / "result1", scenario_file("irb2400").parent
+    if stopped:
+        with pytest.raises(KeyboardInterrupt):
+            second_path.plan_second_path(*arguments)
+        return
+    scenario, predicted, feasible = second_path.plan_second_path(*arguments)
+    assert scenario.cell.ballbar_position_m == (0.8, 0.1, 0.5)
+    assert predicted == {"rms_median_robot": 1e-5}
+    assert feasible
+    ((name, file, options),) = asked
+    assert (name, file) == ("path2", tmp_path / "request.yaml")
+    assert options.after == [tmp_path / "result1"]
+    assert options.seconds == 10.0
+    assert options.folder == tmp_path / "plan"

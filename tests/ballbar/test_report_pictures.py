@@ -45,7 +45,7 @@ from tests.helpers.simulated_recordings import Recorded
 
 @pytest.fixture
 def plots(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[Plot], str, dict[str, Any]]]:
-    """What is drawn: plots, name of the x axis, and the rest."""
+    """The figures that are drawn: plots, name of the x axis, and the rest."""
     drawn = list[tuple[list[Plot], str, dict[str, Any]]]()
     monkeypatch.setattr(
         recording_figures,
@@ -511,3 +511,21 @@ def test_key_figures_of_a_recording_have_their_units() -> None:
         "chi-square per residual": "1.4", "step faults repaired": "2",
     }  # fmt: skip
     assert overview(described(length_log=1))["angle residual, rms"] == MISSING
+
+
+def test_ends_are_apart_by_the_root_mean_square_of_their_distance(
+    recorded: Recorded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The robot's log is read between its rows; ends 3 and 4 m off are 3.54 m off."""
+    asked = list[Array]()
+
+    def frames(_: Any, q: Array) -> Any:
+        asked.append(q)
+        return SimpleNamespace(tip=np.array([[1.0, 2.0], [0.0, 0.0], [0.0, 0.0]]))
+
+    monkeypatch.setattr(recording_figures, "robot_frames", frames)
+    log: Any = SimpleNamespace(t=np.array([0.0, 1.0]), q=np.array([[0.0, 2.0], [1.0, 4.0]]))
+    end = np.array([[1.0, 2.0], [3.0, 0.0], [0.0, 4.0]])
+    apart = recording_figures._rms_apart(log, np.array([0.5, 1.0]), cast(Any, None), end)
+    assert apart == pytest.approx(np.sqrt(12.5))
+    assert asked[0].tolist() == [[0.5, 3.0], [1.0, 4.0]]

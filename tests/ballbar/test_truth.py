@@ -84,7 +84,7 @@ def test_without_errors_the_true_tool_is_that_of_the_geometry(
 def test_a_gears_ripple_is_one_of_the_angle_that_it_turns_its_output_to(
     cell: Cell, geometry: Geometry
 ) -> None:
-    """What the encoder shows is the output's angle less its ripple."""
+    """The encoder shows the output's angle less its ripple."""
     ripple = RippleTruth(axis=2, cycles_per_turn=60.0, amplitude_rad=4e-4, phase_rad=0.3)
     output = POSES @ cell.robot.joint_to_gear
     shown = output.copy()
@@ -152,7 +152,7 @@ def test_the_directions_of_b2_and_b4_that_are_declared_are_the_references(
 
 @pytest.mark.parametrize("name", ["ur10", "irb2400"])
 def test_the_first_of_parallel_axes_has_what_the_others_differ_by(name: str) -> None:
-    """Of a UR the axes 2, 3 and 4 are parallel: only the sum of their shifts can be seen."""
+    """Axes 2, 3 and 4 of a UR are parallel: only the sum of their shifts can be seen."""
     robot = load_robot(name)
     nominal = nominal_chain(robot)
     shift = np.arange(1.0, 7.0) * 1e-3

@@ -423,3 +423,24 @@ def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, PathCand
 def test_a_wrong_what_if_is_refused(text: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         question(text)
+
+
+def test_the_round_end_of_the_forearm_reaches_the_centre_of_the_wrist(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    """Its capsule ends a radius before it; that of the upper arm is from joint 2 to joint 3."""
+    of, some = evaluator.clearance, slice(0, 3)
+    robot = robot_frames(trajectory.nominal, trajectory.q[some])
+    bar = bar_frames(trajectory.nominal, trajectory.b[some])
+    half, centres, axes = of._placed(robot, bar)
+    along = axes.reshape(*centres.shape, 3)[..., 2]
+    bodies = {name: k for k, name in enumerate(of.names)}
+    origin = robot.origin.transpose(2, 0, 1)  # (N, J + 1, 3)
+    for name, start, end in (("upper arm", 1, 2), ("forearm", 2, 4)):
+        k = bodies[name]
+        reach = half[:, k, None] * along[:, k]
+        radius = of.radii[name] if name == "forearm" else 0.0
+        line = origin[:, end] - origin[:, start]
+        line /= np.linalg.norm(line, axis=1, keepdims=True)
+        np.testing.assert_allclose(centres[:, k] - reach, origin[:, start], atol=1e-9)
+        np.testing.assert_allclose(centres[:, k] + reach + radius * line, origin[:, end], atol=1e-9)
