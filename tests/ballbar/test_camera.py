@@ -104,8 +104,10 @@ def test_the_print_is_that_of_opencv(squares: tuple[int, int]) -> None:
     assert np.array_equal(covered, dark)
 
 
-def folder_of_pictures(folder: Path) -> Path:
+@pytest.fixture(scope="module")
+def pictured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two good pictures, and one of each kind that cannot be used."""
+    folder = tmp_path_factory.mktemp("pictured")
     pattern = Pattern(board_of("charuco"))
     good = [picture(pattern, seen_at(np.array(turn)), k) for k, turn in enumerate(TURNS[:2])]
     grey = np.random.default_rng(1).normal(120.0, 3.0, SIZE[::-1])
@@ -131,10 +133,12 @@ def folder_of_pictures(folder: Path) -> Path:
     return folder
 
 
-def test_every_picture_that_cannot_be_used_is_named_with_its_reason(tmp_path: Path) -> None:
-    folder = folder_of_pictures(tmp_path)
+def test_every_picture_that_cannot_be_used_is_named_with_its_reason(
+    pictured: Path, tmp_path: Path
+) -> None:
+    folder = pictured
     found = write_corners(
-        folder / "found", [folder / "pictures"], folder / "board.yaml", folder / "joints.csv"
+        tmp_path / "found", [folder / "pictures"], folder / "board.yaml", folder / "joints.csv"
     )
     assert {p.name: p.unused for p in found} == {
         "a.png": None,
@@ -146,20 +150,22 @@ def test_every_picture_that_cannot_be_used_is_named_with_its_reason(tmp_path: Pa
         "twice.png": "the same picture as a.png",
         "unnamed.png": "no row of joint angles names it",
     }
-    rows = (folder / "found" / CORNERS).read_text().splitlines()
+    rows = (tmp_path / "found" / CORNERS).read_text().splitlines()
     assert rows[0] == "image,corner,u,v"
     assert {row.split(",")[0] for row in rows[1:]} == {"a.png", "b.png"}
-    sheet = cv2.imread(str(folder / "found" / SHEET))
+    sheet = cv2.imread(str(tmp_path / "found" / SHEET))
     assert sheet is not None
     assert sheet.shape[1] > 5 * 360
 
 
-def test_a_folder_without_one_good_picture_is_refused_and_nothing_written(tmp_path: Path) -> None:
-    folder = folder_of_pictures(tmp_path)
+def test_a_folder_without_one_good_picture_is_refused_and_nothing_written(
+    pictured: Path, tmp_path: Path
+) -> None:
+    folder = pictured
     blank = folder / "pictures" / "blank.png"
     with pytest.raises(InputError, match="none of 1 pictures can be used: no board seen"):
-        write_corners(folder / "found", [blank], folder / "board.yaml", folder / "joints.csv")
-    assert not (folder / "found").exists()
+        write_corners(tmp_path / "found", [blank], folder / "board.yaml", folder / "joints.csv")
+    assert not (tmp_path / "found").exists()
 
 
 def test_a_file_that_is_no_picture_is_refused(tmp_path: Path) -> None:

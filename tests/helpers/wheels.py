@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import subprocess
@@ -56,12 +57,19 @@ def built(source: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built from the source distribution."""
-    tree = copied(tmp_path_factory.mktemp("wheel") / "tree")
-    program = "from setuptools.build_meta import build_sdist; print(build_sdist('..'))"
-    name = run(sys.executable, "-c", program, cwd=tree).splitlines()[-1]
-    return built(tree.parent / name)
+def wheel(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Built from the source distribution, once for all workers of a run."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = (folder if worker_id == "master" else folder.parent) / "wheel"
+    folder.mkdir(exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if made := sorted((folder / "dist").glob("ballbar_bench-*.whl")):
+            return made[0]
+        tree = copied(folder / "tree")
+        program = "from setuptools.build_meta import build_sdist; print(build_sdist('..'))"
+        name = run(sys.executable, "-c", program, cwd=tree).splitlines()[-1]
+        return built(folder / name)
 
 
 @pytest.fixture(scope="module")
