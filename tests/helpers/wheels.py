@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import subprocess
 import sys
+import time
 import venv
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from ballbar import PACKAGES
 from tests.helpers.source_imports import ROOT
 
 SHIPPED = (*PACKAGES, "scenarios")
+BUILT_WITHIN = 600  # [s]
 OFFLINE = ("--no-index", "--disable-pip-version-check")
 
 
@@ -58,18 +59,22 @@ def built(source: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def wheel(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
-    """Built from the source distribution, once for all workers of a run."""
+    """Built from the source distribution, by the first worker that needs it for all of them."""
     folder = tmp_path_factory.getbasetemp()
     folder = (folder if worker_id == "master" else folder.parent) / "wheel"
-    folder.mkdir(exist_ok=True)
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if made := sorted((folder / "dist").glob("ballbar_bench-*.whl")):
-            return made[0]
-        tree = copied(folder / "tree")
-        program = "from setuptools.build_meta import build_sdist; print(build_sdist('..'))"
-        name = run(sys.executable, "-c", program, cwd=tree).splitlines()[-1]
-        return built(folder / name)
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        for _ in range(BUILT_WITHIN):
+            if made := sorted(folder.glob("*.whl")):
+                return made[0]
+            time.sleep(1.0)
+        pytest.fail(f"another worker did not build the wheel within {BUILT_WITHIN} s")
+    tree = copied(folder / "tree")
+    program = "from setuptools.build_meta import build_sdist; print(build_sdist('..'))"
+    name = run(sys.executable, "-c", program, cwd=tree).splitlines()[-1]
+    made = built(folder / name)
+    return made.replace(folder / made.name)
 
 
 @pytest.fixture(scope="module")
