@@ -254,3 +254,19 @@ def test_a_result_of_logs_has_no_truth_of_still_poses(monkeypatch: pytest.Monkey
     other = cast(Any, SimpleNamespace(of_logs=False, targets={"led": 0}))
     with pytest.raises(InputError, match="target led is not in the truth, which has ball"):
         result_against_truth(other, Path("t"))
+
+
+@pytest.mark.parametrize("clock", [None, SimpleNamespace(offset_s=0.1, skew=1e-5)])
+def test_a_stored_result_is_compared_with_its_clock_where_it_has_one(
+    clock: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = list[Any]()
+    monkeypatch.setattr(compare, "compare_with_truth", lambda *given: asked.append(given))
+    given = Truth.model_construct()
+    monkeypatch.setattr(compare, "load_truth", lambda _: given)
+    file = SimpleNamespace(logs=[SimpleNamespace(clock=clock)], identified=["ra1"])
+    model = SimpleNamespace(
+        of_logs=True, file=file, identified_robot=lambda: "robot", nominal="nominal"
+    )
+    result_against_truth(cast(Any, model), Path("t"))
+    assert asked == [("robot", "nominal", given, ["ra1"], (0.1, 1e-5) if clock else None)]
