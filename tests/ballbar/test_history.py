@@ -640,3 +640,14 @@ def test_every_result_is_compared_with_the_first_before_it_is_used(
     same[1][0].path = "other.yaml"
     with pytest.raises(InputError, match="2 of 2025-01-04: a history has results of two days"):
         read(*same)
+
+
+def test_the_fast_end_of_the_rate_is_due_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """0.1 mm at 4 and 2 um a month: 25 and 50 months."""
+    monkeypatch.setattr("ballbar.history.history._rates", lambda _: (2e-6, 4e-6))
+    calibration = SimpleNamespace(tcp_sigma=0.0)
+    last = SimpleNamespace(day=date(2025, 1, 1), calibration=calibration, acceptable=True)
+    expected = due(history_with(results=[last]), 1e-4)
+    assert expected.rates == (2e-6, 4e-6)
+    assert expected.earliest == date(2025, 1, 1) + timedelta(days=25.0 * MONTH)
+    assert expected.latest == date(2025, 1, 1) + timedelta(days=50.0 * MONTH)
