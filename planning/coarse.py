@@ -26,9 +26,6 @@ from ballbar.planning.trajectory import Trajectory, trajectories_of_many
 from ballbar.sim.path import Lissajous
 
 BATCH, KEPT = 128, 2  # random candidates of a draw, and those of them that may be starts
-# Share of the acceleration's limit that a search with a ball-bar keeps: in MuJoCo friction adds 20
-# to 35 deg/s^2 where an axis reverses, and what is searched for longer lies at the limit.
-CALM = 0.65
 FOLLOWED = 60  # samples of a path that an instrument follows
 STEP, EVERY = 0.75, 2  # [s] of the grid; of it force, clearance and prediction take every other
 
@@ -37,7 +34,8 @@ def objectives(evaluator: evaluation.Evaluator, genomes: Array, *, best: float =
     """(M,) coarse objectives of genomes (M, S) [-]; above INFEASIBLE as in `objective`.
 
     best : objective below which a candidate is looked at closely, until one of them violates no
-        limit on the fine grid either.
+        limit on the fine grid either. One that does is worse than `best` by its excess, so that
+        an island turns to where both grids keep the limits.
     """
     space = evaluator.space
     screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
@@ -53,7 +51,7 @@ def objectives(evaluator: evaluation.Evaluator, genomes: Array, *, best: float =
         closely = evaluation.check(evaluator, rounded(space.candidate(genomes[k])))
         if not closely.violations:
             break
-        values[k] = evaluation.INFEASIBLE + closely.excess
+        values[k] = min(best, evaluation.INFEASIBLE) + closely.excess
     return values
 
 
@@ -82,10 +80,9 @@ def _of_screened(
         return values
     trajectory, which = runs_of_all
     # the space itself keeps to the cables
-    share = CALM if evaluator.force_model is not None else 1.0
-    calm = {"axis_acceleration_deg_per_s2": share * evaluator.limits.axis_acceleration_deg_per_s2}
-    searched = evaluator.limits.model_copy(update=calm)
-    limits = measures(evaluator.cell, searched, trajectory, evaluator.request.cell)
+    limits = measures(
+        evaluator.cell, evaluator.limits, trajectory, evaluator.request.cell, evaluator.held
+    )
     worst = (limit.excess.reshape(trajectory.runs, -1).max(axis=1) for limit in limits)
     excess = np.asarray(np.sum([np.maximum(over, 0.0) for over in worst], axis=0))
     np.minimum.at(values, which, evaluation.INFEASIBLE + evaluation.UNEXAMINED + excess)

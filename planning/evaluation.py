@@ -114,6 +114,11 @@ class Evaluator:
         return Spread(()) if self.force_model is None else self.force_model.typical
 
     @property
+    def held(self) -> Array | None:
+        """(J,) [rad] by which friction holds the axes where they reverse; None without a force."""
+        return None if self.force_model is None else self.force_model.held
+
+    @property
     def space(self) -> Space:
         """The search space of the request with this rod."""
         return space_of(self.request, self.cell.ballbar.stroke)
@@ -252,7 +257,7 @@ def check(evaluator: Evaluator, candidate: PathCandidate) -> Assessment:
     """The arm configuration that violates least, without a prediction of its uncertainty."""
     cell, limits, around, best = evaluator.cell, evaluator.limits, evaluator.request.cell, None
     for trajectory in trajectories(cell, candidate, evaluator.request.timing):
-        violated, forces = violations(cell, limits, trajectory, around), None
+        violated, forces = violations(cell, limits, trajectory, around, evaluator.held), None
         # Forces and clearance count before the motion is feasible: a search would stop where it
         # becomes so.
         examined = sum(v.excess for v in violated) < NEARLY

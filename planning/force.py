@@ -90,6 +90,12 @@ class ForceModel:
     typical: Spread  # of the robot
     drawn: Machines | None  # MACHINES from the spread; None for a robot whose file is complete
 
+    @property
+    def held(self) -> Array:
+        """(J,) [rad] that each axis stays behind its target until it reverses: Coulomb friction,
+        from one side to the other, under the servo."""
+        return np.asarray(2.0 * self.robots.coulomb[0] * self.robots.servo[0])
+
 
 def force_model(cell: Cell, servo: str, *, seed: int) -> ForceModel:
     """The force model of a cell with drawn robots; servo : name of the gain set.

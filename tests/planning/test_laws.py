@@ -18,6 +18,7 @@ from ballbar.cell.load import load_cell
 from ballbar.planning import route
 from ballbar.planning.evaluation import Evaluator, check, evaluators
 from ballbar.planning.limits import (
+    CATCH_UP,
     CROSSING,
     GROSS_DEG,
     LimitedValue,
@@ -29,6 +30,7 @@ from ballbar.planning.limits import (
     from_singular,
     leans,
     limited,
+    reversal,
     violations,
 )
 from ballbar.planning.questions import Question, _with_rod, changed, check_questions, question
@@ -119,6 +121,28 @@ def test_speeds_are_shares_of_each_axis_s_own_and_accelerations_degrees() -> Non
     np.testing.assert_allclose(acceleration.value, [0.0, 0.0, 180.0, 0.0], atol=1e-9)
     assert acceleration.text(2) == "axis 5 at 180 deg/s^2, limit 90"
     assert tool.excess[3] == pytest.approx((9.0 - tool.allowed) / tool.allowed)
+
+
+def test_friction_adds_to_the_acceleration_where_an_axis_reverses_and_nowhere_else() -> None:
+    """Axis 5 reverses between the first two samples, a third of the way from the first; axis 1
+    only slows down; between the runs the sign changes, but nothing moved there."""
+    cell = load_cell("irb2400", "lund_600", "plate_250")
+    back = np.linalg.inv(cell.robot.joint_to_axis)
+    speed, bend = np.zeros((4, 6)), np.zeros((4, 6))
+    speed[:, 4], speed[:, 0] = [1.0, -2.0, 2.0, 1.0], [3.0, 1.0, 2.0, 1.0]
+    bend[:, 4], bend[:, 0] = np.radians([-18.0, -24.0, 90.0, 90.0]), np.radians(50.0)
+    held = np.array([1.0, 1.0, 1.0, 1.0, 0.02, 1.0])
+    limits = PlanLimits(axis_acceleration_deg_per_s2=30.0)
+    moving = motion(speed=speed @ back, acceleration=bend @ back)
+    value = reversal(cell.robot, limits, moving, held)
+    a = np.radians(20.0)
+    expected = np.degrees(a + np.sqrt(2.0 * 0.02 * a) / CATCH_UP)
+    np.testing.assert_allclose(value.value, [expected, 0.0, 0.0, 0.0], atol=1e-9)
+    assert value.limit == "axis_acceleration_deg_per_s2"
+    assert value.excess[0] == pytest.approx((expected - 30.0) / 30.0)
+    assert value.text(0) == (
+        f"axis 5 at {expected:.0f} deg/s^2 as it reverses against friction, limit 30"
+    )
 
 
 def test_violations_come_worst_first_with_their_time(monkeypatch: pytest.MonkeyPatch) -> None:
