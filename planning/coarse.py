@@ -33,9 +33,8 @@ STEP, EVERY = 0.75, 2  # [s] of the grid; of it force, clearance and prediction 
 def objectives(evaluator: evaluation.Evaluator, genomes: Array, *, best: float = -np.inf) -> Array:
     """(M,) coarse objectives of genomes (M, S) [-]; above INFEASIBLE as in `objective`.
 
-    best : objective below which a candidate is looked at closely, until one of them violates no
-        limit on the fine grid either. One that does is worse than `best` by its excess, so that
-        an island turns to where both grids keep the limits.
+    best : objective below which a candidate is looked at closely, until one violates no limit on
+        the fine grid. One that does is worse than `best` by its excess: islands turn elsewhere.
     """
     space = evaluator.space
     screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
