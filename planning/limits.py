@@ -75,18 +75,22 @@ def violations(
         text = f"{measure.text(k)} (t = {trajectory.t[k]:.1f} s)"
         worst.append(Violation(measure.limit, float(measure.excess[k]), text))
     if cell.ballbar.stroke is None:
-        allowed = 2.0 * np.pi * limits.cable_turns
-        swept = np.ptp(trajectory.b, axis=0)
-        worst += [
-            Violation(
-                "cable_turns",
-                float(swept[j] - allowed) / UNIT_ANGLE,
-                f"b{j + 1} sweeps {np.degrees(swept[j]):.0f} deg, "
-                f"its cable allows {np.degrees(allowed):.0f}",
-            )
-            for j in range(BAR_ROWS)
-        ]
+        worst += _cables(limits, np.ptp(trajectory.b, axis=0))
     return sorted((v for v in worst if v.excess > 0.0), key=lambda v: -v.excess)
+
+
+def _cables(limits: PlanLimits, swept: Array) -> list[Violation]:
+    """Excess of each angle of the ball-bar by the range (5,) [rad] that it sweeps."""
+    allowed = 2.0 * np.pi * limits.cable_turns
+    return [
+        Violation(
+            "cable_turns",
+            float(swept[j] - allowed) / UNIT_ANGLE,
+            f"b{j + 1} sweeps {np.degrees(swept[j]):.0f} deg, "
+            f"its cable allows {np.degrees(allowed):.0f}",
+        )
+        for j in range(BAR_ROWS)
+    ]
 
 
 def measures(
@@ -182,26 +186,27 @@ def reversal(robot: Robot, limits: PlanLimits, trajectory: Trajectory, held: Arr
     held : (J,) [rad] that an axis stays behind until the servo overcomes its friction. At the
         acceleration a it stays for sqrt(2 held / a), then catches up with the speed of its target.
     """
-    speed, bend = (
-        rate @ robot.joint_to_axis for rate in (trajectory.speed, trajectory.acceleration)
-    )
-    before, after = speed[:-1], speed[1:]
-    turns = (before * after < 0.0) & (trajectory.first[1:] == trajectory.first[:-1])[:, None]
-    share = before / np.where(turns, before - after, 1.0)
-    planned = np.where(turns, np.abs(bend[:-1] + share * (bend[1:] - bend[:-1])), 0.0)
+    planned, key = turning(robot, trajectory), "axis_acceleration_deg_per_s2"
     rate = np.degrees(planned + np.sqrt(2.0 * held * planned) / CATCH_UP)
-    rate = np.concatenate((rate, np.zeros((1, robot.joints))))
-    key = "axis_acceleration_deg_per_s2"
     allowed = getattr(limits, key)
 
     def text(k: int) -> str:
         axis = int(rate[k].argmax())
-        return (
-            f"axis {axis + 1} at {rate[k, axis]:.0f} deg/s^2 as it reverses against friction, "
-            f"limit {allowed:.0f}"
-        )
+        reached = f"axis {axis + 1} at {rate[k, axis]:.0f} deg/s^2"
+        return f"{reached} as it reverses against friction, limit {allowed:.0f}"
 
     return LimitedValue(key, rate.max(axis=1), allowed, "deg/s^2", allowed, text)
+
+
+def turning(robot: Robot, trajectory: Trajectory) -> Array:
+    """(N, J) [rad/s^2] of each axis that reverses until the next sample, else zero."""
+    rates = (trajectory.speed, trajectory.acceleration)
+    speed, bend = (rate @ robot.joint_to_axis for rate in rates)
+    before, after = speed[:-1], speed[1:]
+    turns = (before * after < 0.0) & (trajectory.first[1:] == trajectory.first[:-1])[:, None]
+    share = before / np.where(turns, before - after, 1.0)
+    there = np.abs(bend[:-1] + share * (bend[1:] - bend[:-1]))
+    return np.concatenate((np.where(turns, there, 0.0), np.zeros((1, robot.joints))))
 
 
 def _singular_angle(

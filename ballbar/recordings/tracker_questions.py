@@ -43,8 +43,9 @@ def target_units(
     """
     turns = list(columns[3:])
     question = f"unit of {', '.join(columns[:3])}? ({', '.join(METRES)})"
-    chosen = answer(answers.value_unit, question, unit, one_of(*METRES), ask)
-    declared: dict[str, Any] = {"unit": chosen}
+    declared: dict[str, Any] = {
+        "unit": answer(answers.value_unit, question, unit, one_of(*METRES), ask)
+    }
     if not turns:
         return declared
     named = "quat_" + "".join(name[-1].lower() for name in turns) if len(turns) == 4 else None

@@ -111,6 +111,7 @@ def test_with_more_samples_the_coarse_prediction_is_the_full_one(
 ) -> None:
     """A tension that is free at each of 114 samples, or a spline through 240."""
     monkeypatch.setattr(coarse, "STEP", 0.5)
+    monkeypatch.setattr(coarse, "SEEN", 1.0)
     fine = replace(evaluator, coarse=coarse_predictor(evaluator.predictor, samples=114))
     full = objective(evaluator, genomes[0])
     assert objectives(fine, genomes[:1])[0] == pytest.approx(full, abs=0.06)

@@ -25,7 +25,7 @@ LEAST = 10.0  # [deg/s^2]
 def test_friction_adds_where_axes_reverse_what_is_predicted(
     name: str, low: float, high: float
 ) -> None:
-    """The planned acceleration alone is less than 0.65 of that of the plant."""
+    """Without friction the prediction is less than 0.65 of that."""
     (evaluator,) = evaluators(load_request(SCENARIOS / "plans" / f"{name}.yaml")).values()
     shape, position = known_path(SCENARIOS / "paths" / f"{name}_planned.yaml")
     predicted, planned, reached = reversals(evaluator, PathCandidate(shape, np.array(position)))
