@@ -29,6 +29,7 @@ BAR_SINGULAR = (("b2", 1), ("b4", 3))
 # [s] in which a servo catches up with what friction held back; in MuJoCo 0.18 s at the median
 # reversal of an IRB 2400, 0.11 s of an NJ 220
 CATCH_UP = 0.15
+HELD = 0.2  # [s] from a reversal to when friction lets go, about
 CROSSING = "side"  # in place of a unit: whether a singular posture was passed
 
 
@@ -181,32 +182,37 @@ def _rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Limit
 
 
 def reversal(robot: Robot, limits: PlanLimits, trajectory: Trajectory, held: Array) -> LimitedValue:
-    """Accelerations of the axes where they reverse, with what friction adds under the servo.
+    """Accelerations of the axes after a gear reverses, with what its friction adds under the servo.
 
-    held : (J,) [rad] that an axis stays behind until the servo overcomes its friction. At the
+    held : (J,) [rad] that a gear stays behind until the servo overcomes its friction. At the
         acceleration a it stays for sqrt(2 held / a), then catches up with the speed of its target.
     """
-    planned, key = turning(robot, trajectory), "axis_acceleration_deg_per_s2"
-    rate = np.degrees(planned + np.sqrt(2.0 * held * planned) / CATCH_UP)
+    turned, bend = reversing(robot, trajectory)
+    caught_up = np.sign(turned) * np.sqrt(2.0 * held * np.abs(turned)) / CATCH_UP
+    added = caught_up @ robot.gear_to_joint @ robot.joint_to_axis
+    rate = np.degrees(np.where(added, np.abs(bend + added), 0.0))
+    key = "axis_acceleration_deg_per_s2"
     allowed = getattr(limits, key)
 
     def text(k: int) -> str:
         axis = int(rate[k].argmax())
         reached = f"axis {axis + 1} at {rate[k, axis]:.0f} deg/s^2"
-        return f"{reached} as it reverses against friction, limit {allowed:.0f}"
+        return f"{reached} as friction lets go after a reversal, limit {allowed:.0f}"
 
     return LimitedValue(key, rate.max(axis=1), allowed, "deg/s^2", allowed, text)
 
 
-def turning(robot: Robot, trajectory: Trajectory) -> Array:
-    """(N, J) [rad/s^2] of each axis that reverses until the next sample, else zero."""
-    rates = (trajectory.speed, trajectory.acceleration)
-    speed, bend = (rate @ robot.joint_to_axis for rate in rates)
-    before, after = speed[:-1], speed[1:]
-    turns = (before * after < 0.0) & (trajectory.first[1:] == trajectory.first[:-1])[:, None]
-    share = before / np.where(turns, before - after, 1.0)
-    there = np.abs(bend[:-1] + share * (bend[1:] - bend[:-1]))
-    return np.concatenate((np.where(turns, there, 0.0), np.zeros((1, robot.joints))))
+def reversing(robot: Robot, trajectory: Trajectory) -> tuple[Array, Array]:
+    """(N, J) [rad/s^2] of gears that reverse until the next sample, else 0, and of the axes, HELD
+    after that."""
+    speed, bend = trajectory.speed @ robot.joint_to_gear, trajectory.acceleration
+    turns = (speed[1:] * speed[:-1] < 0.0) & (np.diff(trajectory.first) == 0)[:, None]
+    when = speed[:-1] / np.where(turns, speed[:-1] - speed[1:], 1.0)  # share of the step
+    when = np.where(turns, when + HELD / (trajectory.t[1] - trajectory.t[0]), 0.0)
+    there = bend[:-1] + np.minimum(when.max(axis=1, keepdims=True), 1.0) * np.diff(bend, axis=0)
+    turned = np.where(turns, there @ robot.joint_to_gear, 0.0)
+    last = np.zeros((1, robot.joints))
+    return np.concatenate((turned, last)), np.concatenate((there @ robot.joint_to_axis, last))
 
 
 def _singular_angle(

@@ -31,6 +31,7 @@ from ballbar.planning.limits import (
     leans,
     limited,
     reversal,
+    reversing,
     violations,
 )
 from ballbar.planning.questions import Question, _with_rod, changed, check_questions, question
@@ -123,26 +124,42 @@ def test_speeds_are_shares_of_each_axis_s_own_and_accelerations_degrees() -> Non
     assert tool.excess[3] == pytest.approx((9.0 - tool.allowed) / tool.allowed)
 
 
-def test_friction_adds_to_the_acceleration_where_an_axis_reverses_and_nowhere_else() -> None:
-    """Axis 5 reverses between the first two samples, a third of the way from the first; axis 1
-    only slows down; between the runs the sign changes, but nothing moved there."""
-    cell = load_cell("irb2400", "lund_600", "plate_250")
-    back = np.linalg.inv(cell.robot.joint_to_axis)
+def test_friction_adds_to_the_acceleration_after_a_gear_reverses_and_nowhere_else() -> None:
+    """Gear 5 reverses before the second sample and takes axis 6 along by its coupling; gear 1 only
+    slows down; between the runs the sign changes, but nothing moved there."""
+    robot = load_cell("irb2400", "lund_600", "plate_250").robot
     speed, bend = np.zeros((4, 6)), np.zeros((4, 6))
     speed[:, 4], speed[:, 0] = [1.0, -2.0, 2.0, 1.0], [3.0, 1.0, 2.0, 1.0]
-    bend[:, 4], bend[:, 0] = np.radians([-18.0, -24.0, 90.0, 90.0]), np.radians(50.0)
+    bend[:, 4], bend[:, 0] = np.radians([-18.0, -20.0, 90.0, 90.0]), np.radians(50.0)
     held = np.array([1.0, 1.0, 1.0, 1.0, 0.02, 1.0])
     limits = PlanLimits(axis_acceleration_deg_per_s2=30.0)
-    moving = motion(speed=speed @ back, acceleration=bend @ back)
-    value = reversal(cell.robot, limits, moving, held)
+    moving = motion(speed=speed @ robot.gear_to_joint, acceleration=bend @ robot.gear_to_joint)
+    value = reversal(robot, limits, moving, held)
     a = np.radians(20.0)
-    expected = np.degrees(a + np.sqrt(2.0 * 0.02 * a) / CATCH_UP)
-    np.testing.assert_allclose(value.value, [expected, 0.0, 0.0, 0.0], atol=1e-9)
+    added = np.degrees(np.sqrt(2.0 * 0.02 * a) / CATCH_UP)
+    np.testing.assert_allclose(value.value, [20.0 + added, 0.0, 0.0, 0.0], atol=1e-9)
     assert value.limit == "axis_acceleration_deg_per_s2"
-    assert value.excess[0] == pytest.approx((expected - 30.0) / 30.0)
+    assert value.excess[0] == pytest.approx((added - 10.0) / 30.0)
     assert value.text(0) == (
-        f"axis 5 at {expected:.0f} deg/s^2 as it reverses against friction, limit 30"
+        f"axis 5 at {20.0 + added:.0f} deg/s^2 as friction lets go after a reversal, limit 30"
     )
+    bend[1, 5] = np.radians(-40.0)
+    coupled = motion(speed=speed @ robot.gear_to_joint, acceleration=bend @ robot.gear_to_joint)
+    value = reversal(robot, limits, coupled, held)
+    assert value.value[0] == pytest.approx(40.0 + 0.5 * (20.0 + added), rel=1e-3)
+    assert value.text(0).startswith("axis 6")
+
+
+def test_friction_lets_go_a_while_after_the_reversal() -> None:
+    """Half way between samples 1 s apart, and 0.2 s later: 0.7 of the way."""
+    robot = load_cell("irb2400", "lund_600", "plate_250").robot
+    speed, bend = np.zeros((4, 6)), np.zeros((4, 6))
+    speed[:2, 0], bend[:2, 0] = [1.0, -1.0], [-1.0, -2.0]
+    moving = motion(
+        t=np.arange(4.0), speed=speed @ robot.gear_to_joint, acceleration=bend @ robot.gear_to_joint
+    )
+    turned, _ = reversing(robot, moving)
+    np.testing.assert_allclose(turned[:, 0], [-1.7, 0.0, 0.0, 0.0], atol=1e-12)
 
 
 def test_violations_come_worst_first_with_their_time(monkeypatch: pytest.MonkeyPatch) -> None:
