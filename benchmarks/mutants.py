@@ -329,7 +329,8 @@ def _exchanged_code(tree: Path, mutant: Mutant) -> bool:
         return False
     for each in gc.get_objects():
         if isinstance(each, FunctionType) and each.__code__.co_filename in names:
-            each.__code__ = codes[places[each.__code__]]
+            place = places.get(each.__code__, "")  # none of the body of a module
+            each.__code__ = codes.get(place, each.__code__)
     return True
 
 

@@ -105,7 +105,7 @@ class Footnotes:
 
 def page_text() -> str:
     """The page. Raises ValueError for a difference from the thesis that nobody has explained."""
-    loops = {name: _loop(name) for name in ROBOTS}
+    loops = {name: loop_of(name) for name in ROBOTS}
     studies = {
         name: {cost: study(loop, cost, ALL_ENCODERS, complete=False) for cost in THESIS_COSTS}
         for name, loop in loops.items()
@@ -137,7 +137,7 @@ def page_text() -> str:
         "",
         *notes.lines(),
         "",
-        *_recipe(_loop("irb2400", THESIS_SAMPLES), irb),
+        *_recipe(loop_of("irb2400", THESIS_SAMPLES), irb),
     ]
     lines += [*_other_robot(studies), *_maximum_likelihood(ml)]
     return "\n".join(lines) + "\n"
@@ -177,7 +177,8 @@ def _names(text: str) -> set[str]:
     }
 
 
-def _loop(name: str, samples: int = SAMPLES) -> KinematicLoop:
+def loop_of(name: str, samples: int = SAMPLES) -> KinematicLoop:
+    """The nominal mechanism of a scenario along its path."""
     return nominal_loop(
         load_scenario(SCENARIOS / f"{name}.yaml"), relative_to=SCENARIOS, samples=samples
     )
@@ -240,14 +241,22 @@ def by_thesis_recipe(
     return dict(zip(order, diagonal.tolist(), strict=True))
 
 
+def by_recipe_and_here(
+    loop: KinematicLoop, cost: CostName, selection: Selection
+) -> tuple[set[str], set[str]]:
+    """Parameters that the thesis's recipe leaves out of a nominal mechanism, and those left out
+    of a selection.
+    """
+    diagonal = by_thesis_recipe(loop, cost, errors={})
+    below = {name for name, r in diagonal.items() if r < THESIS_LIMIT}
+    return below, {*selection.without_effect, *(d.name for d in selection.dependent)}
+
+
 def _recipe(loop: KinematicLoop, studies: Mapping[str, Study]) -> Iterator[str]:
     yield from ("## The thesis's recipe", "")
     differences = []
     for cost in ENCODERS_NEEDED:
-        s = studies[cost].selection
-        left_out = {*s.without_effect, *(d.name for d in s.dependent)}
-        diagonal = by_thesis_recipe(loop, cost, errors={})
-        below = {name for name, r in diagonal.items() if r < THESIS_LIMIT}
+        below, left_out = by_recipe_and_here(loop, cost, studies[cost].selection)
         differences.append(f"{THESIS_COSTS[cost]} {_more_or_less(below, left_out)}")
     yield (
         "Printed scalar, nominal parameters, 10 urad of noise on the angles; what has less than "

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ballbar.acquisition.bundle import Bundle, Pictures, adjusted, counted, prior_of
-from ballbar.acquisition.picture_start import _agreeing, _focused, _posed, bundle
+from ballbar.acquisition.picture_start import _agreeing, _angles, _focused, _posed, bundle
 from ballbar.cell.arrays import Array
 from ballbar.cell.board import BoardFile, board_of
 from ballbar.cell.camera import Camera, Lens
@@ -215,3 +215,11 @@ def test_which_of_two_poses_a_small_board_has_is_told_by_the_flange() -> None:
     off = Rotation.from_matrix(begun.rotation @ turns.transpose(0, 2, 1)).magnitude()
     assert np.median(off) < 0.1
     assert (off < 0.25).sum() >= COUNT - 1
+
+
+def test_angles_between_orientations_are_those_of_their_turn() -> None:
+    """From none to half a turn, about any axis."""
+    turns = np.deg2rad([0.0, 30.0, 90.0, 150.0, 180.0])
+    rotated = Rotation.from_rotvec(turns[:, None] * np.array([0.6, 0.0, 0.8])).as_matrix()
+    expected = np.abs(turns[:, None] - turns)
+    np.testing.assert_allclose(_angles(rotated, rotated), expected, atol=1e-7)

@@ -187,3 +187,19 @@ def test_readings_without_noise_leave_no_error() -> None:
     read = moved(POINTS[:4], motion("swinging", 1))
     left, _ = errors(fitted(read), "swinging", 1)
     assert rms(left) < 1e-6  # noise of a tenth of the declared one is assumed
+
+
+def test_the_stated_uncertainty_of_a_walk_is_that_of_its_steps_and_of_its_readings() -> None:
+    """A walk of steps q that is read with r each time: 1 / sqrt(1 / r^2 + 4 / (r q))."""
+    stated, expected = [], []
+    for seed in range(6):
+        rng = np.random.default_rng([seed, 7])
+        step, count = 2.0 * SIGMA, 200
+        walk = np.zeros((count, 6))
+        walk[:, :3] = np.cumsum(step * rng.standard_normal((count, 3)), axis=0)
+        read = moved(POINTS, walk) + rng.normal(0.0, SIGMA, (count, 6, 3))
+        fit = fitted(read)
+        stated.append(np.median(fit.covariance[20:-20, 0, 0]))
+        r, q = SIGMA**2 / 6.0, step**2
+        expected.append(1.0 / np.sqrt(1.0 / r**2 + 4.0 / (r * q)))
+    assert np.mean(stated) == pytest.approx(np.mean(expected), rel=0.15)

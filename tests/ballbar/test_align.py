@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import gzip
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ballbar.cell.clock import Clock
+from ballbar.cell.errors import InputError
 from ballbar.cell.logs import ChannelLog
+from ballbar.ident.channel_pair import ChannelPair
+from ballbar.ident.log_alignment import LogAlignment
+from ballbar.recordings import align
+from ballbar.recordings.align import align_data, align_lines, aligned_logs, stamps_apart
 from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.moving_body import two_recorders
 from tests.helpers.real_robots import DATA
@@ -130,3 +137,163 @@ def test_held_values_of_a_real_controller_are_aligned_with_a_camera_system() -> 
         clock = json.loads(out)["clock"]
         assert (code, err) == (0, "")
         assert clock["stamps_apart_s"] == pytest.approx(expected, abs=2e-3)
+
+
+def alignment(*pairs: ChannelPair, offset_sigma: float = 1e-4) -> LogAlignment:
+    """B began 2 s after A and runs fast by 100 ppm."""
+    return LogAlignment(
+        clock=Clock(2.0, 1e-4), offset_sigma=offset_sigma, skew_sigma=1e-6, correlation=-0.8,
+        middle=50.0, middle_sigma=2e-5, overlap=97.96, samples=400, inflation=1.5, pairs=pairs,
+        remarks=("c of A stands still",),
+    )  # fmt: skip
+
+
+def single(number: int) -> ChannelPair:
+    return ChannelPair(
+        a=f"x{number}", b=f"u{number}", correlation=(-0.99,), residual=(0.25,),
+        residual_share=(0.02,), gain=-2.5, zero=np.array([7.0]), turn=None, lever=None, hand=None,
+        sigma={}, undetermined=(),
+    )  # fmt: skip
+
+
+def pose(**changes: Any) -> ChannelPair:
+    """A rotation about z by a right angle, and a lever arm that the motion leaves unknown."""
+    half = np.sqrt(0.5)
+    whole = ChannelPair(
+        a="x,y,z,qx,qy,qz,qw", b="u,v,w,rx,ry,rz,rw", correlation=(0.95, 0.875),
+        residual=(0.003, 0.004), residual_share=(0.02, 0.05), gain=1000.0,
+        zero=np.array([10.0, -20.0, 30.0]), turn=np.array([0.0, 0.0, half, half]), lever=None,
+        hand=None, sigma={"zero": np.full(3, 0.5), "turn": np.array([1e-3, 2e-3, 3e-3])},
+        undetermined=("the lever arm along (1.00, 0.00, 0.00)",),
+    )  # fmt: skip
+    return replace(whole, **changes)
+
+
+def logs(*first_ns: int | None) -> tuple[ChannelLog, ChannelLog]:
+    """Two logs of 100 s, at 10 and at 2 rows a second."""
+    times = np.linspace(0.0, 100.0, 1001), np.linspace(0.0, 100.0, 201)
+    a, b = (
+        ChannelLog(f"{name}.csv", t, t[:, None], ("x0",), first_ns=first)
+        for name, t, first in zip("ab", times, first_ns, strict=True)
+    )
+    return a, b
+
+
+def test_stamps_are_apart_by_their_epochs_and_the_clock_at_the_middle() -> None:
+    """A stamps 30 s after B where both begin; at 50 s of B, A reads 2 + 50.005 s from its own."""
+    apart = stamps_apart(alignment(), logs(40_000_000_000, 10_000_000_000))
+    assert apart == pytest.approx(30.0 + 2.0 + 50.005 - 50.0, abs=1e-9)
+    assert stamps_apart(alignment(), logs(None, 10)) is None
+    assert stamps_apart(alignment(), logs(10, None)) is None
+
+
+def test_an_offset_is_stated_while_it_is_known_to_a_row_of_the_slower_log() -> None:
+    """Its rows are half a second apart; which log begins first follows the offset's sign."""
+    known = align_lines(alignment(offset_sigma=0.49), logs(None, None), ())
+    assert any(line.endswith("B begins 2.000 s after A") for line in known)
+    unknown = align_lines(alignment(offset_sigma=0.51), logs(None, None), ())
+    assert not any("begins" in line for line in unknown)
+    assert any("offset not determined" in line for line in unknown)
+    earlier = replace(alignment(), clock=Clock(-2.0, 0.0))
+    lines = align_lines(earlier, logs(None, None), ())
+    assert any(line.endswith("B begins 2.000 s before A") for line in lines)
+    at_once = replace(alignment(), clock=Clock(0.0, 0.0))
+    assert "begins 0.000 s after A" in "\n".join(align_lines(at_once, logs(None, None), ()))
+
+
+def test_the_page_says_rows_clocks_channels_and_remarks_in_this_order() -> None:
+    lines = align_lines(alignment(single(0), pose()), logs(40_000_000_000, 10_000_000_000), ())
+    assert lines[:3] == [
+        "LOGS",
+        "  A  a.csv: 1001 rows over 100.00 s",
+        "  B  b.csv: 201 rows over 100.00 s",
+    ]
+    heads = [line.split()[0] for line in lines if not line.startswith(" ")]
+    assert heads == ["LOGS", "CLOCKS", "CHANNELS", "VECTORS,", "REMARKS"]
+    text = "\n".join(lines)
+    assert "offset +2000.0000 ms (sigma 100 us)" in text
+    assert "skew +100.000 ppm (sigma 1.0 ppm)" in text
+    assert "over 98.0 s in common; sigmas inflated 1.50 times" in text
+    assert "t_A - t_B +32005.0000 ms (sigma 20 us) in the middle" in text
+    assert (
+        "  x0 = -2.5 u0 +7: correlation -0.990000, residual 0.250 rms (0.020 of the rms of x0)"
+        in lines
+    )
+    assert lines[-1] == "  c of A stands still"
+    bare = align_lines(replace(alignment(), remarks=()), logs(None, None), ())
+    assert {line.split()[0] for line in bare if not line.startswith(" ")} == {"LOGS", "CLOCKS"}
+
+
+@pytest.mark.parametrize(("count", "listed", "more"), [(12, 12, 0), (13, 12, 1), (20, 12, 8)])
+def test_twelve_pairs_of_channels_are_listed_and_the_others_counted(
+    count: int, listed: int, more: int
+) -> None:
+    lines = align_lines(alignment(*map(single, range(count))), logs(None, None), ())
+    assert sum("correlation" in line for line in lines) == listed
+    assert ([line for line in lines if line.startswith("  and")] == [f"  and {more} more"]) == (
+        more > 0
+    )
+
+
+def test_angles_of_a_map_are_in_mrad_and_lengths_in_the_unit_of_the_log() -> None:
+    text = "\n".join(align_lines(alignment(pose()), logs(None, None), ()))
+    assert "points: correlation of the speeds +0.9500, residual 0.00300 rms (0.020 of" in text
+    assert "rotations: correlation of the speeds +0.8750, residual 4.00 mrad rms (0.050 of" in text
+    assert "zero +10, -20, +30 (sigma 0.50, 0.50, 0.50)" in text
+    turn = "turn x, y, z, w = +0, +0, +0.70711, +0.70711 (sigma 1.0, 2.0, 3.0 mrad about the axes"
+    assert turn in text
+    assert "the lever arm along (1.00, 0.00, 0.00) is not determined" in text
+    rotation = pose(
+        zero=np.zeros(0), correlation=(0.875,), residual=(0.004,), residual_share=(0.05,),
+        sigma={"turn": np.full(3, 1e-3)},
+    )  # fmt: skip
+    alone = "\n".join(align_lines(alignment(rotation), logs(None, None), ()))
+    assert "points" not in alone
+    assert "rotations: correlation of the speeds +0.8750, residual 4.00 mrad rms" in alone
+
+
+def test_the_data_of_an_alignment_hold_each_pair_once_in_si_units() -> None:
+    data = align_data(alignment(single(0), pose()), logs(40_000_000_000, 10_000_000_000), ())
+    assert data["logs"]["b"] == {"name": "b.csv", "rows": 201, "duration_s": 100.0}
+    assert data["clock"]["stamps_apart_s"] == pytest.approx(32.005)
+    assert data["clock"]["stamps_apart_sigma_s"] == 2e-5
+    (channel,) = data["channels"]
+    assert (channel["a"], channel["b"], channel["zero"]) == ("x0", "u0", 7.0)
+    assert (channel["correlation"], channel["residual_rms"]) == (-0.99, 0.25)
+    assert channel["residual_share"] == 0.02
+    (vector,) = data["vectors"]
+    assert vector["a"] == ["x", "y", "z", "qx", "qy", "qz", "qw"]
+    assert vector["residual_rms"] == [0.003, 0.004]
+    assert vector["zero"] == [10.0, -20.0, 30.0]
+    assert "lever" not in vector
+    assert vector["sigma"]["turn"] == [1e-3, 2e-3, 3e-3]
+
+
+@pytest.mark.parametrize("text", ["=u", "x=", ""])
+def test_a_pair_of_channels_has_a_name_on_both_sides(text: str) -> None:
+    sides = ((None, None), (None, None))
+    with pytest.raises(InputError, match=r"write a=b, the names in log A and in log B"):
+        aligned_logs((Path("a.csv"), Path("b.csv")), sources=sides[0], times=sides[1],
+                     channels=[text])  # fmt: skip
+
+
+def test_vectors_and_rotations_belong_together_one_by_one_and_a_name_alone_is_that_of_both(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The second vector has no rotation; each log is read with its own names."""
+    read, asked = list[list[str]](), list[Any]()
+
+    def channels(file: Path, *, channels: list[str], **_: Any) -> tuple[str, list[str]]:
+        read.append(channels)
+        return file.name, [f"finding in {file.name}"]
+
+    monkeypatch.setattr(align, "read_channels", channels)
+    monkeypatch.setattr(align, "align_logs", lambda *arguments: asked.append(arguments))
+    result: Any = aligned_logs(
+        (Path("a.csv"), Path("b.csv")), sources=(None, None), times=(None, None),
+        channels=["f", "g=h"], vectors=["x, y=u,v", "p"], rotations=["q,r=s,t"],
+    )  # fmt: skip
+    assert read == [["f", "g", "x", "y", "q", "r", "p"], ["f", "h", "u", "v", "s", "t", "p"]]
+    groups = [(("x", "y", "q", "r"), ("u", "v", "s", "t")), (("p",), ("p",))]
+    assert asked == [("a.csv", "b.csv", [("f", "f"), ("g", "h")], groups)]
+    assert result[1:] == (("a.csv", "b.csv"), ("finding in a.csv", "finding in b.csv"))

@@ -239,3 +239,11 @@ def test_a_simulation_in_memory_is_that_of_the_files(tmp_path: Path) -> None:
     assert isinstance(ballbar.read(tmp_path / "logs"), Recording)
     truth = ballbar.load_truth(tmp_path / "logs.truth.yaml")
     assert truth.geometry["ra2"] == alone.truth.geometry["ra2"]
+
+
+def test_sentence_warnings_and_budget_are_those_of_the_file(fresh: Calibration) -> None:
+    assert fresh.sentence == fresh.file.fit.verdict
+    assert fresh.warnings == fresh.file.fit.warnings
+    entry = fresh.file.uncertainty_budget
+    assert entry is not None
+    assert fresh.budget == entry.budget

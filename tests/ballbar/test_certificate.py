@@ -499,3 +499,20 @@ def test_a_line_is_not_wider_than_its_column(certified: Path) -> None:
     assert b"".join(lines) == 80 * b"w"
     assert len(lines) > 3
     assert max(map(len, lines)) * 0.722 * 8.5 * 25.4 / 72.0 < 0.29 * 178.0
+
+
+def test_bytes_behind_the_certificate_are_named_by_their_place(copy: Path) -> None:
+    """A change is shown with its neighbours; behind the end there is nothing to compare."""
+    file = copy / "certificate.html"
+    raw = file.read_bytes()
+    file.write_bytes(raw + b"<p>more</p>")
+    (problem,) = check_certificate(file)
+    assert f"from byte {len(raw)} (" in problem
+    assert "<p>more</p>" in problem
+    file.write_bytes(raw[:-5])
+    (problem,) = check_certificate(file)
+    assert f"from byte {len(raw) - 5} (" in problem
+    at = raw.index(b"</h1>")
+    file.write_bytes(raw[:at] + b" " + raw[at:])
+    (problem,) = check_certificate(file)
+    assert f"from byte {at} (" in problem

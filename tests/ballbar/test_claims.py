@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
+import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 from pydantic import TypeAdapter
+from rich.console import Console
 
 from ballbar.cell.errors import DescriptionError, InputError
-from ballbar.claims.checks import judge, measured
-from ballbar.claims.file import GroupedBars, IdentifiedPlot, load_claims
-from ballbar.claims.kinds import OF_RUNS, Check, Measure
+from ballbar.claims.checks import CheckOutcome, _number, _tables, judge, measured
+from ballbar.claims.file import (
+    Claim,
+    CurvesPlot,
+    GroupedBars,
+    IdentifiedPlot,
+    Quick,
+    Ranking,
+    load_claims,
+)
+from ballbar.claims.kinds import LARGEST, OF_RUNS, Check, Measure
 from ballbar.claims.plots import plot_svg
-from ballbar.claims.run import Judged, Topic, judge_all, topics
-from ballbar.claims.show import write_page
+from ballbar.claims.run import (
+    COST,
+    FAILS,
+    ClaimVerdict,
+    Judged,
+    Topic,
+    _thinned,
+    _with_all_parameters,
+    judge_all,
+    topics,
+)
+from ballbar.claims.show import page_text, say_verdicts, write_page
 from ballbar.claims.table import ClaimEvidence, identifiability_evidence, runs_evidence
 from ballbar.ident.thesis.cost_fit import fit_cost
 from ballbar.ident.thesis.cost_shift import REACH, best_shift, fit_cost_with_shift
@@ -38,7 +59,7 @@ from ballbar.trial.sample_trial import cost_parameters, trial_samples
 from ballbar.trial.trial import run_trial
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
-from tests.helpers.sweeps import inline
+from tests.helpers.sweeps import GRID, HEAD, inline
 
 ROOT = SCENARIOS.parent
 CLAIMS = SCENARIOS / "claims"
@@ -729,3 +750,342 @@ def test_sign_and_shift_are_refused_where_they_mean_nothing(
 ) -> None:
     with pytest.raises(ValueError, match=words):
         sampled(identify=asked)
+
+
+# --- what is said of the verdicts, and what is drawn
+
+
+def outcome(
+    *, met: bool = True, result: str = "it: 3 mm", limits: str = "at most 4"
+) -> CheckOutcome:
+    return CheckOutcome(met, result, limits)
+
+
+def claim_of(name: str = "small", **given: Any) -> Claim:
+    whole = {
+        "name": name, "says": "is | small", "source": "sec. 4.1", "expected": "holds",
+        "checks": [{"kind": "at_most", "what": "it", "limit": 4, "reason": "r"}],
+    }  # fmt: skip
+    return Claim.model_validate(whole | given)
+
+
+def verdict_of(
+    *,
+    core: bool = True,
+    every: bool | None = None,
+    guards: Sequence[CheckOutcome] = (),
+    **given: Any,
+) -> ClaimVerdict:
+    outcomes: dict[ParameterSet, tuple[CheckOutcome, ...]] = {"core": (outcome(met=core),)}
+    if every is not None:
+        outcomes["all"] = (outcome(met=every, result="it: 5 mm"),)
+    return ClaimVerdict(claim_of(**given), outcomes, tuple(guards), ("ml is 1 mm",))
+
+
+def claims_judged(*verdicts: ClaimVerdict, runs: int = 12) -> Judged:
+    file = SimpleNamespace(title="Small *things*", place="sec. 4.1", plots=(), sweep="s.yaml",
+                           identifiability=None)  # fmt: skip
+    topic = Topic("small", Path("claims/small.yaml"), cast(Any, file), cast(Any, None))
+    return Judged(topic, {}, verdicts, runs)
+
+
+DIFFERS = {"expected": {"core": "differs", "all": "holds"}, "finding": "Twice as much. And more."}
+EXPECTED = [
+    (verdict_of(), "holds"),
+    (verdict_of(core=False), FAILS),
+    (verdict_of(core=False, every=True, **DIFFERS), "differs"),
+    (verdict_of(core=True, every=True, **DIFFERS), FAILS),
+    (verdict_of(core=False, every=False, **DIFFERS), FAILS),
+    (verdict_of(guards=[outcome(met=False)]), FAILS),
+]
+
+
+@pytest.mark.parametrize(("verdict", "word"), EXPECTED)
+def test_a_claim_is_as_expected_where_both_sets_and_all_guards_are(
+    verdict: ClaimVerdict, word: str
+) -> None:
+    assert verdict.word == word
+    assert verdict.passed == (word != FAILS)
+
+
+def said(*verdicts: ClaimVerdict) -> tuple[bool, list[str]]:
+    out = Console(file=io.StringIO(), width=200)
+    passed = say_verdicts(out, [claims_judged(*verdicts)])
+    return passed, cast(io.StringIO, out.file).getvalue().splitlines()
+
+
+def test_every_verdict_is_printed_with_its_checks_and_counted() -> None:
+    passed, lines = said(*(verdict for verdict, _ in EXPECTED))
+    assert not passed
+    assert lines[0] == "Small *things* (sec. 4.1)"
+    assert lines[-1] == "6 claims: 1 hold, 1 differ as stated, 4 fail their checks"
+    assert '  holds small, sec. 4.1: "is | small"' in lines
+    assert "      it: 3 mm (at most 4)" in lines
+    assert "      not met: it: 3 mm (at most 4)" in lines
+    assert "      core parameters: differs" in lines
+    assert "      all parameters: holds" in lines
+    assert "      ml: ml is 1 mm" in lines
+    assert "      Twice as much. And more." in lines
+    assert lines.count("      our finding:") == 1
+    alone, lines = said(verdict_of())
+    assert alone
+    assert not any("parameters:" in line for line in lines)
+
+
+def test_the_page_has_the_first_check_that_is_not_met_and_the_other_sets_verdict() -> None:
+    both = verdict_of(core=False, every=True, **DIFFERS)
+    failing = verdict_of(core=False)
+    page = page_text(
+        [claims_judged(both, verdict_of(), failing)], {"small": ["a.svg"]}, {"small": "do it"}
+    )
+    assert (
+        "3 claims: 1 hold, 1 differ, 1 come out otherwise than stated. 1 have the other verdict "
+        "with *all*.\n"
+    ) in page
+    assert "Thesis sec. 4.1. `do it` (12 runs)." in page
+    assert "![small](a.svg)" in page
+    assert '|`small`: "is \\| small"|it: 3 mm|differs (holds with all). Twice as much|' in page
+    assert '|`small`: "is \\| small"|it: 3 mm|holds|' in page
+    assert f"|it: 3 mm|{FAILS}|" in page
+    elsewhere = page_text(
+        [claims_judged(verdict_of(source="p. 3"), runs=0)], {}, {"small": "do it"}
+    )
+    assert "1 claims: 1 hold, 0 differ. 0 have" in elsewhere
+    assert '"is \\| small" (p. 3)|' in elsewhere
+    assert "`do it`." in elsewhere
+    two = replace(
+        both, outcomes={"core": (outcome(), outcome(met=False, result="x; not equal: y"))}
+    )
+    assert "|x|" in page_text([claims_judged(two)], {}, {})
+
+
+def test_a_page_is_written_with_its_plots_and_the_command_that_repeats_its_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ballbar.claims.show.plot_svg", lambda plot, _: plot)
+    swept = claims_judged(verdict_of())
+    swept.topic.file.plots = [b"one", b"two"]
+    other = claims_judged(verdict_of(), runs=0)
+    other.topic.file.sweep, other.topic.file.identifiability = None, "../x.yaml"
+    write_page(
+        tmp_path / "claims.md", [swept, replace(other, topic=replace(other.topic, name="o"))]
+    )
+    page = (tmp_path / "claims.md").read_text()
+    folder = tmp_path / "images" / "claims"
+    assert (folder / "small.svg").read_bytes() == b"one"
+    assert (folder / "small_2.svg").read_bytes() == b"two"
+    assert page.index("images/claims/small.svg") < page.index("images/claims/small_2.svg")
+    assert "`ballbar claims small` (12 runs)" in page
+    assert "`ballbar identifiability x.yaml --cost all`" in page
+
+
+def drawn_axes(plot: Any, evidence: Mapping[ParameterSet, ClaimEvidence]) -> list[Any]:
+    """The axes that `plot_svg` draws."""
+    figures = list[Any]()
+
+    def kept(figure: Any) -> str:
+        figures.append(figure)
+        return "<svg/>"
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ballbar.claims.plots.figure_style.svg_text", kept)
+        plot_svg(plot, evidence)
+    return list(figures[0].axes)
+
+
+CURVES = CurvesPlot(
+    kind="curves", title="t", lines="identify.cost", x="size", x_label="size [um]", x_factor=1e6,
+    limit=0.5,
+)  # fmt: skip
+
+
+def test_curves_are_medians_over_the_seeds_with_a_band_from_least_to_largest() -> None:
+    evidence: dict[ParameterSet, ClaimEvidence] = {
+        "core": ClaimEvidence(TABLE.assign(**{LARGEST: 1.0})),
+        "all": ClaimEvidence(TABLE.assign(distance_mm_mrad=2.0, **{LARGEST: 1.0})),
+    }
+    distance, *others = drawn_axes(CURVES, evidence)
+    assert [axes.get_title(loc="left") for axes in (distance, *others)] == [
+        "t",
+        *[""] * len(others),
+    ]
+    lines = {line.get_label(): line for line in distance.lines}
+    for name, factor in (("C_l", 5e4), ("C_T", 1e4)):
+        assert lines[name].get_xdata() == pytest.approx([1.0, 10.0])
+        assert lines[name].get_ydata() == pytest.approx([factor * 1.1e-6, factor * 1.1e-5])
+    bands = [band.get_paths()[0].vertices[:, 1] for band in distance.collections]
+    ends = sorted((band.min(), band.max()) for band in bands)
+    assert ends[0] == pytest.approx((0.01, 0.12))
+    assert ends[1] == pytest.approx((0.05, 0.6))
+    dashed = [line for line in distance.lines if list(line.get_ydata()) == [2.0, 2.0]]
+    assert len(dashed) == 2
+    assert not any(line.get_label() in ("C_l", "C_T") for line in dashed)
+    (limit,) = [line for line in distance.lines if list(line.get_ydata()) == [0.5, 0.5]]
+    assert limit.get_linestyle() == ":"
+    assert [t.get_text() for t in distance.get_xticklabels()] == ["1", "10"]
+    assert distance.get_xlabel() == "size [um]"
+    assert distance.get_xscale() == distance.get_yscale() == "log"
+
+
+def heights(axes: Any) -> dict[str, dict[str, tuple[float, float]]]:
+    """Height and middle of the bars by label and name."""
+    names = [text.get_text() for text in axes.get_xticklabels()]
+    out = {}
+    for container in axes.containers:
+        bars = [(bar.get_height(), bar.get_x() + bar.get_width() / 2) for bar in container]
+        out[container.get_label()] = dict(zip(names, bars, strict=True))
+    return out
+
+
+def test_bars_stand_beside_one_another_about_their_name() -> None:
+    evidence: dict[ParameterSet, ClaimEvidence] = {"core": ClaimEvidence(RECORDED)}
+    given: dict[str, Any] = {"kind": "bars", "title": "t", "groups": "label", "y_label": "y"}
+    bars = GroupedBars(lines="identify.cost", y="identified.ra1", limit=1.5, **given)
+    (axes,) = drawn_axes(bars, evidence)
+    found = heights(axes)
+    assert {k: {n: h for n, (h, _) in own.items()} for k, own in found.items()} == {
+        "C_l": {"a": 1.0, "b": 3.0}, "C_T": {"a": 2.0, "b": 2.2},
+    }  # fmt: skip
+    places = [found[label][name][1] for name in ("a", "b") for label in ("C_l", "C_T")]
+    assert places == pytest.approx([-0.2, 0.2, 0.8, 1.2])
+    assert [list(line.get_ydata()) for line in axes.lines] == [[1.5, 1.5]]
+    assert axes.get_yscale() == "log"
+
+
+def test_a_ranking_has_the_share_of_runs_in_which_a_parameter_is_among_the_largest() -> None:
+    """In one of three seeds of C_l ra1, of 0, 3 and 6, is below both of the others."""
+    plot = Ranking(
+        kind="ranking", title="t", lines="identify.cost", rows={"identify.cost": "length"},
+        places=2, thesis={"ra1": 3}, thesis_runs=4,
+    )  # fmt: skip
+    (axes,) = drawn_axes(plot, {"core": EVIDENCE, "all": EVIDENCE})
+    found = heights(axes)
+    assert set(found) == {"thesis", "C_l", "C_l, all parameters"}
+    assert found["thesis"]["ra1"][0] == 0.75
+    assert found["C_l"]["ra1"][0] == pytest.approx(2 / 3)
+    assert found["C_l"]["oy"][0] == pytest.approx(1.0)
+    assert found["C_l"]["btheta1"][0] == pytest.approx(1 / 3)
+    assert found["thesis"]["oy"][0] == 0.0
+    assert axes.get_ylabel() == "share of runs, among the 2 largest"
+
+
+def test_identified_errors_are_those_of_the_first_seed() -> None:
+    later = RECORDED.assign(seed=2, **{"identified.ra1": 9.0})
+    table = pd.concat([later, RECORDED.assign(**{"identified.rd1": None})])
+    plot = IdentifiedPlot(
+        kind="identified", title="t", rows={"identify.cost": "length"}, lines="label"
+    )
+    (axes,) = drawn_axes(plot, {"core": ClaimEvidence(table)})
+    found = {k: {n: h for n, (h, _) in own.items()} for k, own in heights(axes).items()}
+    assert found == {"a": {"ra1": 1.0}, "b": {"ra1": 3.0}}
+    assert axes.get_ylabel() == "identified - nominal [mm|mrad]"
+
+
+def studied(**changes: Any) -> ClaimEvidence:
+    """Studies of a mechanism of three parameters by two costs."""
+
+    def study(groups: Sequence[str], without: Sequence[str], dependent: Sequence[str]) -> Any:
+        selection = SimpleNamespace(
+            without_effect=without,
+            selected=("ra1",),
+            dependent=[SimpleNamespace(name=n) for n in dependent],
+        )
+        return SimpleNamespace(groups=groups, selection=selection)
+
+    studies = {
+        "length": (study(("x + y",), ("oz",), ("bd1",)), {"ra1": {"oy": 1.0}}),
+        "transform": (study(("z",), (), ("bd2",)), {"ra1": {"ox": 1.0}, "rd1": {"ra1": 2.0}}),
+    }
+    return ClaimEvidence(pd.DataFrame({"x": [1.0]}), studies=cast(Any, studies | changes))
+
+
+@pytest.mark.parametrize(
+    ("table", "printed", "ours"),
+    [
+        ("3.2", {"length": {"x + y"}}, {"length": {"x + y"}, "transform": {"z"}}),
+        ("3.3", {"length": {"oz"}}, {"length": {"oz"}, "transform": set()}),
+        ("3.4", {"ra1": {"oy", "ox"}}, {"ra1": {"oy", "ox"}, "rd1": {"ra1"}}),
+        ("3.5", {"length": {"ra1"}}, {"length": {"ra1"}}),
+        ("sec. 3.3", {"all costs": {"bd1", "bd2"}}, {"all costs": {"bd1", "bd2"}}),
+    ],
+)
+def test_our_entries_of_each_table_are_those_of_the_studies(
+    table: Any, printed: dict[str, set[str]], ours: dict[str, set[str]]
+) -> None:
+    assert _tables(table, studied())[1] == ours
+    assert ours.items() >= printed.items()
+
+
+A: dict[str, Any] = {"entry": "a", "thesis": ["y"], "why": "w"}
+
+
+def table_check(**given: Any) -> CheckOutcome:
+    printed = {"a": frozenset({"x", "y"}), "b": frozenset({"z"})}
+    ours = {"a": frozenset({"x", "w", "v"}), "b": frozenset({"z"})}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ballbar.claims.checks._tables", lambda *_: (printed, ours))
+        return judge(check("equal_table", table="3.2", **given), EVIDENCE)
+
+
+def test_a_table_is_equal_but_for_entries_that_differ_just_as_stated() -> None:
+    stated = [{**A, "here": ["w", "v"]}]
+    plain, equal = table_check(), table_check(exceptions=stated)
+    assert not plain.met
+    assert plain.result == (
+        "it: 2 of 3 printed found here, 2 more; not equal: a: only in the thesis y and only here "
+        "v, w"
+    )
+    assert (plain.limits, equal.limits) == ("equal", "equal but for the exceptions")
+    assert equal.met
+    assert ": a: only" not in equal.result
+    half = table_check(exceptions=[{**A, "here": ["w"]}])
+    assert not half.met
+    idle = [*stated, {"entry": "b", "thesis": ["z"], "why": "w"}]
+    assert not table_check(exceptions=idle).met
+    with pytest.raises(InputError, match=re.escape("table 3.2 has no entry c; it has a, b")):
+        table_check(exceptions=[{"entry": "c", "here": ["w"], "why": "w"}])
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (999.9, "1e+03"),
+        (1000.4, "1000"),
+        (-123456.7, "-123457"),
+        (1e6, "1e+06"),
+        (0.012345, "0.0123"),
+    ],
+)
+def test_numbers_have_three_digits_or_are_whole(value: float, text: str) -> None:
+    assert _number(value) == text
+
+
+def test_all_parameters_are_run_without_the_default_cost_and_a_quick_plan_is_thinned(
+    tmp_path: Path,
+) -> None:
+    """The same points otherwise; what a quick plan does not state stays as it is."""
+    text = GRID.replace("vary:", "vary:\n  identify.cost: [length, ml]").replace(
+        "errors.joint_noise.sigma_rad", "seed_of"
+    )
+    plan = load_sweep(_sweep_file(tmp_path, text)).plan
+    every = _with_all_parameters(plan)
+    assert every.data.vary[COST] == ["length"]
+    assert every.data.vary["seed_of"] == plan.data.vary["seed_of"]
+    assert every.data.scenario["identify"]["parameters"] == "all"
+    assert every.runs == plan.runs // 2
+    few = _thinned(plan, Quick.model_validate({"seeds": {"first": 7, "count": 1}}))
+    assert few.runs == plan.runs // 5
+    assert few.data.vary == plan.data.vary
+    one = {COST: ["length"]}
+    fewer = _thinned(
+        plan, Quick.model_validate({"vary": one, "change": {"identify": {"samples": 9}}})
+    )
+    assert fewer.data.vary == one
+    assert fewer.data.seeds == plan.data.seeds
+    assert fewer.data.scenario["identify"]["samples"] == 9
+
+
+def _sweep_file(folder: Path, text: str) -> Path:
+    file = folder / "sweep.yaml"
+    file.write_text(HEAD + text)
+    return file

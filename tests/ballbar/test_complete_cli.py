@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ from ballbar.replay.viewer import chosen_replay
 from ballbar.replay.write import write_replay
 from ballbar.report.page import render_report
 from ballbar.result.calibration import load
-from ballbar.result.identify import identify, names_of_places
+from ballbar.result.identify import identified, identify, names_of_places
 from ballbar.result.run_data import RunData, Validation
 from ballbar.result.write_calibration import write_calibration
 from ballbar.scenario import load_scenario
@@ -72,6 +73,7 @@ class Together:
     out: Path
     code: int
     said: str
+    machine: RunData  # what the command identified, in memory
 
 
 @pytest.fixture(scope="module")
@@ -88,15 +90,22 @@ def together(tmp_path_factory: pytest.TempPathFactory, third_path: Path) -> Toge
     b = recorded_on(folder / "B", "paths/irb2400_b.yaml")
     c = recorded_on(folder / "C", str(third_path))
     out = folder / "out"
-    code, said, _ = ballbar("identify", a, b, "--validate", c, "--samples", 500, "--out", out)
-    return Together(a, b, c, out, code, said)
+    kept = list[RunData]()
+
+    def keeping(*given: Any, **named: Any) -> RunData:
+        kept.append(identified(*given, **named))
+        return kept[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ballbar.result.identify.identified", keeping)
+        code, said, _ = ballbar("identify", a, b, "--validate", c, "--samples", 500, "--out", out)
+    (machine,) = kept
+    return Together(a, b, c, out, code, said, machine)
 
 
 @pytest.fixture(scope="module")
 def machine(together: Together) -> RunData:
-    """The same two recordings, from Python."""
-    options = FitOptions(samples=500)
-    return identify(together.a, together.b, options=options).data
+    return together.machine
 
 
 def number(text: str) -> float:
@@ -491,8 +500,15 @@ def page_of(data: RunData) -> str:
     return render_report(data, command="ballbar identify", written=datetime(2026, 1, 1, tzinfo=UTC))
 
 
-def test_what_recordings_share_stands_once_and_their_own_part_once_for_each(light: RunData) -> None:
-    page = page_of(light)
+@pytest.fixture(scope="module")
+def light_page(light: RunData) -> str:
+    return page_of(light)
+
+
+def test_what_recordings_share_stands_once_and_their_own_part_once_for_each(
+    light_page: str,
+) -> None:
+    page = light_page
     own = ("residuals", "own", "clock", "step-faults", "noise", "logs", "import")
     for number in (1, 2):
         assert all(page.count(f'id="{section}-{number}"') == 1 for section in own)
@@ -520,9 +536,9 @@ def test_the_replay_of_a_joint_fit_shows_every_recording(light: RunData, tmp_pat
     assert {"/A/recording/events/log", "/B/again/events/log", "/B/notes"} <= entities
 
 
-def test_a_joint_fit_without_loads_has_no_force_to_show(light: RunData) -> None:
+def test_a_joint_fit_without_loads_has_no_force_to_show(light: RunData, light_page: str) -> None:
     assert [fitted.name for fitted in light.recordings] == ["recording", "again"]
-    page = page_of(light)
+    page = light_page
     assert "gear 6, 88 a turn" in page
     assert 'id="tension' not in page
     assert page.count("None found: no encoder slipped and no clock was set.") == 2

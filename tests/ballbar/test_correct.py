@@ -7,6 +7,8 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from ballbar.cell.chain import joint_screws
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import Geometry, nominal_geometry, robot_frames
 from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
+from ballbar.compensation.targets_file import _FAULTS_SHOWN, _refused
 from ballbar.ident.robot.accuracy import accuracy_grid
 from ballbar.ident.robot.identified import IdentifiedRobot
 from ballbar.ident.robot.inverse_calibration import TargetError, corrected_targets
@@ -258,3 +261,18 @@ def test_every_target_at_fault_is_named(cell: Cell, nominal: Geometry) -> None:
     ) as caught:
         corrected_targets(robot, nominal.robot, q)
     assert set(caught.value.faults) == {1, 3}
+
+
+@pytest.mark.parametrize(("count", "more"), [(1, 0), (_FAULTS_SHOWN, 0), (_FAULTS_SHOWN + 2, 2)])
+def test_the_first_faults_are_named_by_their_lines_and_the_others_counted(
+    count: int, more: int
+) -> None:
+    faults = dict.fromkeys(reversed(range(count)), "out of reach")
+    targets: Any = SimpleNamespace(lines=list(range(2, count + 2)))
+    said = str(_refused(Path("t.csv"), targets, TargetError(faults))).splitlines()
+    shown = [f"t.csv:{k + 2}: out of reach" for k in range(count - more)]
+    assert said[:-1] if more else said == ["nothing was written.", *shown]
+    assert said[1 : len(shown) + 1] == shown
+    assert [line for line in said if line.startswith("and")] == (
+        [f"and {more} more targets"] if more else []
+    )

@@ -37,18 +37,20 @@ from ballbar.identifiability import (
     Study,
     cost_columns,
     influences,
-    nominal_loop,
     reidentified,
     study,
     vector_text,
 )
-from ballbar.scenario import load_scenario
 from generators import identifiability_page
 from generators.identifiability_page import (
+    ALL_ENCODERS,
     PAGE,
+    ROBOTS,
+    TURN_DEG,
     Footnotes,
-    by_thesis_recipe,
+    by_recipe_and_here,
     dependency_lines,
+    loop_of,
     missing_and_extra,
     page_text,
     turned,
@@ -59,7 +61,6 @@ from tests.helpers.six_axes import INDEX, THESIS_PARAMETERS
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of columns of size 1 with weakest directions of 1e-3
-FIVE = (1, 2, 3, 4, 5)
 
 # What differs from Table 3.2 where the ball-bar does not stand at y = 0; why is on the page
 # (docs/identifiability.md).
@@ -76,21 +77,18 @@ BEYOND_TABLE_3_2 = {
 
 @pytest.fixture(scope="module")
 def loops() -> dict[str, KinematicLoop]:
-    return {
-        name: nominal_loop(load_scenario(SCENARIOS / f"{name}.yaml"), relative_to=SCENARIOS)
-        for name in ("irb2400", "nj220")
-    }
+    return {name: loop_of(name) for name in ROBOTS}
 
 
 @pytest.fixture(scope="module")
 def carried(loops: dict[str, KinematicLoop]) -> KinematicLoop:
     """The main scenario turned by 20 deg about the robot's first axis: a ball-bar not at y = 0."""
-    return turned(loops["irb2400"], np.radians(20.0))
+    return turned(loops["irb2400"], np.radians(TURN_DEG))
 
 
 @pytest.fixture(scope="module")
 def found(carried: KinematicLoop) -> dict[str, Study]:
-    return {cost: study(carried, cost, FIVE, complete=False) for cost in THESIS_COSTS}
+    return {cost: study(carried, cost, ALL_ENCODERS, complete=False) for cost in THESIS_COSTS}
 
 
 @pytest.fixture(scope="module")
@@ -100,12 +98,12 @@ def moved(
     return {cost: influences(carried, s) for cost, s in found.items()}
 
 
-@pytest.mark.parametrize("robot", ["irb2400", "nj220"])
+@pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("cost", THESIS_COSTS)
 def test_zero_jacobians_are_those_of_table_3_3(
     loops: dict[str, KinematicLoop], robot: str, cost: str
 ) -> None:
-    columns = cost_columns(loops[robot], cost, FIVE, THESIS_PARAMETERS)
+    columns = cost_columns(loops[robot], cost, ALL_ENCODERS, THESIS_PARAMETERS)
     # no difference in any cost
     assert set(zero_jacobian(columns, THESIS_PARAMETERS)) == TABLE_3_3[cost]
 
@@ -120,7 +118,7 @@ def test_dependencies_are_those_of_table_3_2_and_what_it_leaves_away(
 
 
 def test_a_ballbar_at_y_0_ties_the_first_joint_to_oy_alone(loops: dict[str, KinematicLoop]) -> None:
-    at_zero = study(loops["irb2400"], "length", FIVE, complete=False)
+    at_zero = study(loops["irb2400"], "length", ALL_ENCODERS, complete=False)
     assert [str(g) for g in at_zero.groups] == [
         "ra6 | bd3",
         "rd1 | oz",
@@ -129,12 +127,12 @@ def test_a_ballbar_at_y_0_ties_the_first_joint_to_oy_alone(loops: dict[str, Kine
     ]
 
 
-@pytest.mark.parametrize("robot", ["irb2400", "nj220"])
+@pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("cost", ["ml", *THESIS_COSTS])
 def test_null_vectors_are_null_and_as_many_as_singular_values_vanish(
     loops: dict[str, KinematicLoop], robot: str, cost: str
 ) -> None:
-    columns = cost_columns(loops[robot], cost, FIVE, THESIS_PARAMETERS)
+    columns = cost_columns(loops[robot], cost, ALL_ENCODERS, THESIS_PARAMETERS)
     nominal = loops[robot].geometry
     row = dict(zip(THESIS_PARAMETERS, columns, strict=True))
     selection = select(columns, THESIS_PARAMETERS, nominal)
@@ -188,7 +186,7 @@ def test_reidentification_agrees_with_the_null_vectors_to_first_order(
     moved: Mapping[str, Mapping[str, Mapping[str, float]]],
     cost: str,
 ) -> None:
-    columns = cost_columns(carried, cost, FIVE, THESIS_PARAMETERS)
+    columns = cost_columns(carried, cost, ALL_ENCODERS, THESIS_PARAMETERS)
     s = found[cost].selection
     linear = influence(columns, THESIS_PARAMETERS, s.selected, [d.name for d in s.dependent])
     for name, moves in moved[cost].items():
@@ -206,19 +204,17 @@ def test_reidentification_ends_where_levenberg_marquardt_ends(
     kept = found[cost].selection.selected
     true = carried.geometry.replaced({name: carried.geometry[name] + 1e-3})
     q = refine(true.robot, carried.q, bar_frames(true, carried.b).poses())
-    signed = next(
-        cost_named(c, "vector")
-        for c in ("length", "position", "position_angles", "transform")
-        if c == cost
-    )
+    signed = next(cost_named(c, "vector") for c in THESIS_COSTS if c == cost)
     fit = fit_cost(signed, carried.geometry, q=q, b=carried.b, parameters=[INDEX[k] for k in kept])
     expected = {k: (fit.geometry[k] - carried.geometry[k]) * 1e3 for k in kept}
-    assert reidentified(carried, cost, FIVE, kept, name) == pytest.approx(expected, abs=1e-6)
+    assert reidentified(carried, cost, ALL_ENCODERS, kept, name) == pytest.approx(
+        expected, abs=1e-6
+    )
 
 
-@pytest.mark.parametrize("robot", ["irb2400", "nj220"])
+@pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize(
-    ("joints", "directions"), [((), 26), ((1, 2), 34), ((1, 2, 4, 5), 42), (FIVE, 43)]
+    ("joints", "directions"), [((), 26), ((1, 2), 34), ((1, 2, 4, 5), 42), (ALL_ENCODERS, 43)]
 )
 def test_ml_sees_the_expected_directions_of_the_complete_model(
     loops: dict[str, KinematicLoop], robot: str, joints: tuple[int, ...], directions: int
@@ -246,12 +242,9 @@ def test_the_thesis_s_recipe_finds_with_c_p_what_is_found_here_ba2_included(
     loops: dict[str, KinematicLoop],
 ) -> None:
     loop = loops["irb2400"]
-    s = study(loop, "position", FIVE, complete=False).selection
-    diagonal = by_thesis_recipe(loop, "position", errors={})
-    assert {name for name, r in diagonal.items() if r < 1e-6} == {
-        *s.without_effect,
-        *(d.name for d in s.dependent),
-    }
+    selection = study(loop, "position", ALL_ENCODERS, complete=False).selection
+    below, left_out = by_recipe_and_here(loop, "position", selection)
+    assert below == left_out
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from ballbar.acquisition.recording import read_recording
+from ballbar.cell import load
 from ballbar.cell.clock import Clock
 from tests.helpers.command_line import ballbar, output, refusal
 from tests.helpers.container_files import Written, egm, json_lines, mcap, mpe, rsi, scope
@@ -193,3 +194,18 @@ def test_ball_bar_and_instrument_together_are_refused(wire: Path, tmp_path: Path
     said = [*SAID, "--instrument", "drawwire_2m", "--yes"]
     err = refusal("new", tmp_path / "made", *logs, *said)
     assert "either --ballbar or --instrument" in err
+
+
+def test_a_dialect_of_ones_own_goes_into_the_folder(
+    logs: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """And one that is shipped does not: the folder can be moved."""
+    shipped = Path(load.__file__).parent / "dialects" / "abb-motor.yaml"
+    own = tmp_path / "mine.yaml"
+    own.write_text(f"{shipped.read_text()}# ours\n")
+    output("new", tmp_path / "made", *logs, *SAID, "--yes", "--robot-dialect", own)
+    sources = yaml.safe_load((tmp_path / "made/recording.yaml").read_text())["sources"]
+    copied = tmp_path / "made" / sources["robot"]["dialect"]
+    assert copied.read_text() == own.read_text()
+    assert not sources["ballbar"]["dialect"].endswith(".yaml")
+    assert len(list((tmp_path / "made").rglob("*.yaml"))) == 2

@@ -120,3 +120,10 @@ def test_hand_eye_is_the_pose_of_the_target_on_the_flange(tmp_path: Path) -> Non
     assert frame["sigma_xyz_m"] == [1e-5, 1e-5, 1e-5]
     assert "matrix" not in read["flange"]["big ball"]
     assert "tracker" in read["base"]
+
+
+def test_an_offset_that_is_no_number_is_named_with_what_stands_there(tmp_path: Path) -> None:
+    result, file = result_of(tmp_path, "panda", zeros=0.02), tmp_path / "offsets.yaml"
+    file.write_text("".join(f"j{k}: {'zero' if k == 3 else 0.0}\n" for k in range(1, 8)))
+    with pytest.raises(InputError, match=r"j3: expected an offset, found zero\."):
+        offsets_into(result, file, [])

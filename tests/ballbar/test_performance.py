@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,8 @@ from ballbar.cell.instruments.base import TrueStand
 from ballbar.cell.load import load_instrument, load_plate, load_telescoping_bar
 from ballbar.cell.logs import LengthLog, RobotLog
 from ballbar.ident.recording_fit import Logs
+from ballbar.report.numbers import MISSING
+from ballbar.report.performance import shown
 from ballbar.result.calibration import load
 from ballbar.result.performance import performance, robots_of
 from tests.helpers.circular_path import FEED, circle_angles
@@ -176,3 +180,28 @@ def test_a_recording_of_a_ball_bar_is_a_circular_test(result: Path) -> None:
     assert np.ptp(left) > 5e-5
     assert not any("--radius" in note for note in stated.notes)
     assert any("--radius" in n for n in performance(result, logs, cell=cell).notes)
+
+
+def test_values_are_in_millimetres_with_their_interval_and_a_number_for_each_remark() -> None:
+    def statement(**given: Any) -> Any:
+        whole = {"origin": "p", "value": 1.2345e-3, "low": 1e-3, "high": 2e-3, "reason": ""}
+        return SimpleNamespace(**whole | given)
+
+    rows: Any = [
+        SimpleNamespace(unit="m", statements=[statement(), statement(reason="first")]),
+        SimpleNamespace(
+            unit="rad", statements=[statement(value=None, reason="second"), statement(low=None)]
+        ),
+        SimpleNamespace(unit="m", statements=[statement(reason="first")]),
+    ]
+    table, remarks = shown(rows)
+    assert remarks == ["first", "second"]
+    assert [unit for _, unit, _ in table] == ["mm", "mrad", "mm"]
+    cells = [cell for _, _, cells in table for cell in cells]
+    assert cells == [
+        ("p", "1.23", "1.00 to 2.00", 0),
+        ("p", "1.23", "1.00 to 2.00", 1),
+        ("p", MISSING, "1.00 to 2.00", 2),
+        ("p", "1.23", "", 0),
+        ("p", "1.23", "1.00 to 2.00", 1),
+    ]

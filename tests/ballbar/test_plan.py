@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,6 +20,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from ballbar.cell.errors import InputError
+from ballbar.cell.files import DESCRIPTIONS
 from ballbar.cell.geometry import bar_frames
 from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.cell.strict_yaml import load_model, load_yaml
@@ -25,24 +29,22 @@ from ballbar.plan import picture
 from ballbar.plan import show as command
 from ballbar.plan.beam import OFFSET_PLATE, PLATE_FORCE
 from ballbar.plan.summary import say_answers, say_checks, say_plan, say_plate, say_pose_plan
-from ballbar.planning.candidate import PathCandidate, rounded, space_of
-from ballbar.planning.evaluation import Evaluator, evaluators
+from ballbar.planning.candidate import PathCandidate
+from ballbar.planning.evaluation import Evaluator
 from ballbar.planning.files import planned_path_data
-from ballbar.planning.plan import PathPlan, assess, first_path
+from ballbar.planning.plan import PathPlan, assess
 from ballbar.planning.request import PlanCell, PlanRequest, load_request
 from ballbar.planning.verify import Check
 from ballbar.planning.what_if import Answer
 from ballbar.scenario import load_scenario
 from ballbar.sim.path_files import LissajousFile
+from tests.helpers.first_path import first_runnable
 from tests.helpers.simulated_recordings import SCENARIOS
 
 
 @pytest.fixture(scope="module")
 def runnable() -> tuple[Evaluator, PathCandidate]:
-    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    given = evaluators(requested)
-    start, _ = first_path(given)
-    return given[start.rod], rounded(space_of(requested).candidate(start.genome))
+    return first_runnable()
 
 
 @pytest.mark.slow
@@ -321,3 +323,149 @@ def test_what_if_is_drawn_with_and_without_the_scale(
     assert np.isnan(np.asarray(right.lines[0].get_ydata(), dtype=float)).all()
     assert (left.get_title(), right.get_title()) == ("encoder", "plate length")
     assert left.get_ylim()[0] == 0.0
+
+
+# --- the steps of the command
+
+
+def options(folder: Path, **given: Any) -> command.PlanOptions:
+    said = Console(file=io.StringIO(), width=200)
+    return command.PlanOptions(folder=folder, seconds=1.0, out=said, err=said, **given)
+
+
+def text_of(console: Console) -> str:
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("violating", "kept", "tried"), [(0, True, 1), (2, True, 3), (9, False, 4)]
+)
+def test_four_paths_are_tried_in_mujoco_and_the_last_is_kept(
+    monkeypatch: pytest.MonkeyPatch, violating: int, kept: bool, tried: int
+) -> None:
+    """Each as two robots; what a seat holds by itself is not run at all."""
+    for name in ("say_plan", "say_gain", "say_checks"):
+        monkeypatch.setattr(command.summary, name, lambda *_: None)
+    plans: Any = [SimpleNamespace(forces=1, k=k) for k in range(9)]
+    run = list[tuple[int, int]]()
+
+    def checked(plan: Any, seed: int) -> list[Check]:
+        run.append((plan.k, seed))
+        return [Check("force_N", 1.0, 2.0, "N", int(plan.k < violating and seed == 1), 10)]
+
+    monkeypatch.setattr(command, "check_in_plant", checked)
+    said = Console(file=io.StringIO(), width=200)
+    plan, feasible = command.checked(iter(plans), said, said)
+    assert feasible == kept
+    assert plan is plans[tried - 1]
+    assert run == [(k, seed) for k in range(tried) for seed in (0, 1)]
+    assert text_of(said).count("the next best path") == tried - 1
+    free: Any = SimpleNamespace(forces=None)
+    run.clear()
+    assert command.checked(iter([free]), said, said) == (free, True)
+    assert not run
+    assert "not run in MuJoCo" in text_of(said)
+
+
+def test_options_of_trajectories_are_refused_for_still_poses_and_a_position_without_a_path(
+    tmp_path: Path,
+) -> None:
+    request: Any = SimpleNamespace()
+    for key, value in (("path", Path("a")), ("position", (0.0, 0.0, 1.0)), ("what_if", ["a=1"])):
+        given = options(tmp_path, **{key: value})
+        with pytest.raises(InputError, match=f"--{key.replace('_', '-')} belongs to trajectories"):
+            command._plan_poses(request, tmp_path / "r.yaml", given, set())
+    alone = options(tmp_path, position=(0.0, 0.0, 1.0))
+    with pytest.raises(InputError, match="--position belongs to --path"):
+        command._plan_path(request, tmp_path / "r.yaml", alone, set())
+
+
+def test_answers_are_written_in_metres_and_none_where_no_path_was_found() -> None:
+    answers = [
+        Answer("rod", "0.8", 2.34567e-5, 1.23456e-6, ""), Answer("rod", "9", None, 2e-6, "no path"),
+    ]  # fmt: skip
+    assert command.answers_csv(answers).decode().splitlines() == [
+        "what_if,value,tcp_sigma_m,scale_adds_m,note",
+        "rod,0.8,2.346e-05,1.235e-06,",
+        "rod,9,,2e-06,no path",
+    ]
+
+
+@pytest.mark.parametrize("thickness", [False, True])
+def test_answers_have_a_table_a_picture_and_of_the_plates_thickness_that_of_the_plate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, thickness: bool
+) -> None:
+    monkeypatch.setattr(command, "answers", lambda *_: [Answer("k", "1", 1e-5, 0.0, "")])
+    for name in ("say_answers", "say_plate"):
+        monkeypatch.setattr(command.summary, name, lambda *_: None)
+    for name in ("what_if_picture", "plate_picture"):
+        monkeypatch.setattr(command, name, lambda *_: b"<svg/>")
+    said = Console(file=io.StringIO(), width=200)
+    asked: Any = [SimpleNamespace(key="rod"), SimpleNamespace(key="plate_thickness")][
+        : 1 + thickness
+    ]
+    names = command.answer(cast(Any, None), asked, tmp_path, said, said)
+    assert names == ["what_if.csv", "what_if.svg", *["plate.svg"] * thickness]
+    assert {file.name for file in tmp_path.iterdir()} == set(names)
+
+
+def test_files_of_an_earlier_plan_go_and_those_of_this_one_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrote = list[Any]()
+    monkeypatch.setattr(
+        command, "write_request", lambda *given, **named: wrote.append((given, named))
+    )
+    for name in ("plan.yaml", "old.mod", "mine.txt", DESCRIPTIONS):
+        (tmp_path / name).write_text("a")
+    given = options(tmp_path, overrides=["a=1"])
+    command._complete(tmp_path / "r.yaml", given, {"old.mod", "gone.src", DESCRIPTIONS})
+    assert {file.name for file in tmp_path.iterdir()} == {"plan.yaml", "mine.txt", DESCRIPTIONS}
+    assert wrote == [((tmp_path / "r.yaml", tmp_path), {"overrides": ["a=1"]})]
+
+
+def test_the_position_is_that_of_the_option_then_of_the_request_then_of_the_file(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(command, "evaluators", lambda *_: {0.6: "evaluator"})
+    monkeypatch.setattr(command, "assess", lambda evaluator, candidate: (evaluator, candidate))
+    of_file: tuple[float, ...] | None = (3.0, 0.0, 0.0)
+    monkeypatch.setattr(command, "known_path", lambda *_, **__: ("shape", of_file))
+    cell = SimpleNamespace(ballbar_position_m=(2.0, 0.0, 0.0), rods=[0.6, 0.9])
+    request: Any = SimpleNamespace(cell=cell, telescoping=False)
+
+    def at(position: tuple[float, float, float] | None) -> float:
+        plan: Any = command.given_path(request, Path("p.yaml"), position)
+        assert plan[0] == "evaluator"
+        return float(plan[1].position[0])
+
+    assert at((1.0, 0.0, 0.0)) == 1.0
+    assert at(None) == 2.0
+    cell.ballbar_position_m = None
+    assert at(None) == 3.0
+
+
+def test_a_search_shows_its_best_in_micrometres_and_takes_all_cores(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    shown, asked = list[str](), dict[str, Any]()
+
+    @contextmanager
+    def status(_: Console, text: str) -> Iterator[Callable[[str], None]]:
+        shown.append(text)
+        yield shown.append
+
+    def plans(_: Any, **given: Any) -> Iterator[str]:
+        asked.update(given)
+        given["show"](SimpleNamespace(tcp=23.46e-6, evaluated=1200, feasible=31))
+        yield from ("best", "next")
+
+    monkeypatch.setattr(command, "status", status)
+    monkeypatch.setattr(command, "plans", plans)
+    found = command.searched(cast(Any, None), tmp_path, 40.0, Console(file=io.StringIO()))
+    assert list(found) == ["best", "next"]
+    assert asked["seconds"] == 40.0
+    assert asked["workers"] == os.cpu_count()
+    assert 0.0 <= asked["since"]() < 60.0
+    assert re.match(r"\d+ s: TCP sigma 23\.5 um, 1200 tried, 31 can be run", shown[1])

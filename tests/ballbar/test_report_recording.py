@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ballbar.ident.options import FitOptions
+from ballbar.report.line_plot import _extremes
 from ballbar.report.motion import cell_motion, mark_sentences, marks, stretches
 from ballbar.report.recording_figures import SHIFTS, log_figures, shift_curve
 from ballbar.result.identify import identify
@@ -63,3 +64,12 @@ def test_the_error_is_least_where_the_clocks_are_aligned(fitted: FittedRecording
         caption.split()[0] for _, caption in log_figures(fitted, motion, marks(fitted, motion))
     ]
     assert captions == ["Angles", "Dwells", "Angles", "Distance"]
+
+
+def test_a_curve_is_drawn_whole_where_it_runs_back() -> None:
+    """Also by less than a point: its least and largest values are those of no column."""
+    x = np.repeat(np.linspace(0.0, 10.0, 500), 2)
+    assert _extremes(x, np.sin(x)).size < 100
+    back = x.copy()
+    back[501] -= 0.5
+    assert _extremes(back, np.sin(x)).size == 1000

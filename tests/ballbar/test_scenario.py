@@ -81,3 +81,17 @@ def test_every_error_source_is_of_a_robot_that_moves_or_stands_still_or_of_both(
     both = {"errors.joint_compliance", "errors.joint_noise", "errors.outliers"}
     both |= {"errors.gear_backlash"}
     assert every - {*OF_PATH, *OF_POSES} == both
+
+
+@pytest.mark.parametrize(
+    "stated", ["cost: length", "data: samples", "force: none", "rod_sigma_m: 1.0e-4"]
+)
+def test_what_needs_a_ballbar_with_encoders_is_refused_where_a_length_is_sensed(
+    stated: str, tmp_path: Path
+) -> None:
+    scenario = load_scenario("ur10e_telescoping")
+    assert scenario.cell.instrument is not None
+    key, _, value = stated.partition(": ")
+    words = rf"identify\.{key}.*needs a ball-bar with encoders \(cell\.ballbar\); leave it out"
+    with pytest.raises(DescriptionError, match=words):
+        load_scenario("ur10e_telescoping", overrides=[f"identify.{key}={value}"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from ballbar.sweep.plan import CHUNK_RUNS, MIN_CHUNKS
-from ballbar.sweep.run import SweepOutcome
+from ballbar.sweep.run import COUNT_PERIOD, SweepOutcome, _refreshed
 from ballbar.sweep.show import run_bar, say_outcome
 from ballbar.sweep.table import MAX_POINTS
 from tests.helpers import sweep_work
@@ -113,3 +114,34 @@ def test_where_there_is_no_terminal_no_bar_is_shown(tmp_path: Path) -> None:
         report(1, "running")
     assert isinstance(out.file, io.StringIO)
     assert out.file.getvalue() == ""
+
+
+def test_a_bar_begins_where_a_sweep_takes_long_and_never_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    begun = list[float]()
+    monkeypatch.setattr("ballbar.sweep.show.Progress.start", lambda _: begun.append(now[0]))
+    monkeypatch.setattr("ballbar.sweep.show.animated", lambda _: True)
+    out = Console(file=io.StringIO(), force_terminal=True)
+    with run_bar(out, loaded(tmp_path, "seeds: {count: 3}\n").plan) as report:
+        for at in (1.0, 1.9, 2.1):
+            now[0] = at
+            report(1, "running")
+    assert begun == [2.1]
+
+
+def test_workers_of_a_cluster_are_counted_again_after_a_while(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each question to the scheduler takes its time; the number changes slowly."""
+    now, counts = [100.0], iter([2, 3])
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    latest = _refreshed(lambda: next(counts))
+    assert latest() == 2
+    now[0] += 0.99 * COUNT_PERIOD
+    assert latest() == 2
+    now[0] += 0.02 * COUNT_PERIOD
+    assert latest() == 3
+    assert latest() == 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from ballbar.sim.simulate import simulate
 from ballbar.sim.streams import stream
 from ballbar.trial.nominal_path import recorded_log
 from ballbar.trial.sample_trial import trial_samples
-from ballbar.trial.trial import run_trial
+from ballbar.trial.trial import _row, run_trial
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 from tests.helpers.six_axes import NAMES
 
@@ -603,3 +604,24 @@ def test_a_simulation_wants_the_log_of_the_recording_handed_in(measured: Recorde
         simulate(
             scenario(path=RECORDED, identify={"cost": "ml"}), relative_to=measured.folder.parent
         )
+
+
+def test_the_row_of_a_fit_is_in_the_units_of_its_names() -> None:
+    """Lengths in mm, angles in mrad, clocks in us and ppm; without a clock no such columns."""
+    tcp = SimpleNamespace(mean=2e-5, maximum=5e-5)
+    given: Any = SimpleNamespace(
+        largest=("ra1", -4e-5), distance=5e-5, deviations={"ra1": -4e-5, "rtheta2": 3e-5}, tcp=tcp,
+        tcp_nominal=SimpleNamespace(mean=2e-3), offset=7e-6, skew=-3e-8,
+    )  # fmt: skip
+    row = _row(given, 6, 1.5, converged=True, verdict={"verdict": "good"})
+    assert row == pytest.approx(
+        {
+            "distance_mm_mrad": 0.05, "largest_mm_mrad": 0.04, "largest_parameter": "ra1",
+            "parameters": 2, "tcp_mean_mm": 0.02, "tcp_max_mm": 0.05, "tcp_left": 0.01,
+            "iterations": 6, "converged": 1, "rms_residual": 1.5, "verdict": "good",
+            "clock_offset_error_us": 7.0, "clock_skew_error_ppm": -0.03, "error.ra1": -0.04,
+            "error.rtheta2": 0.03,
+        }
+    )  # fmt: skip
+    given.offset = None
+    assert not any("clock" in key for key in _row(given, 6, 1.5, converged=False))

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 import venv
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from ballbar import PACKAGES
 from tests.helpers.source_imports import ROOT
 
 SHIPPED = (*PACKAGES, "scenarios")
+BUILT_WITHIN = 600  # [s]
 OFFLINE = ("--no-index", "--disable-pip-version-check")
 
 
@@ -56,12 +58,23 @@ def built(source: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built from the source distribution."""
-    tree = copied(tmp_path_factory.mktemp("wheel") / "tree")
+def wheel(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Built from the source distribution, by the first worker that needs it for all of them."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = (folder if worker_id == "master" else folder.parent) / "wheel"
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        for _ in range(BUILT_WITHIN):
+            if made := sorted(folder.glob("*.whl")):
+                return made[0]
+            time.sleep(1.0)
+        pytest.fail(f"another worker did not build the wheel within {BUILT_WITHIN} s")
+    tree = copied(folder / "tree")
     program = "from setuptools.build_meta import build_sdist; print(build_sdist('..'))"
     name = run(sys.executable, "-c", program, cwd=tree).splitlines()[-1]
-    return built(tree.parent / name)
+    made = built(folder / name)
+    return made.replace(folder / made.name)
 
 
 @pytest.fixture(scope="module")

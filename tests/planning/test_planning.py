@@ -18,7 +18,7 @@ from ballbar.cell.load import load_robot
 from ballbar.cell.robot_angles import joints_to_axes
 from ballbar.ident.robot.accuracy import position_sigma
 from ballbar.ident.robot.tcp_uncertainty import scale_error
-from ballbar.planning.candidate import PathCandidate, genome_of, rounded, space_of
+from ballbar.planning.candidate import PathCandidate, genome_of, space_of
 from ballbar.planning.clearance import clearance
 from ballbar.planning.crlb import predict
 from ballbar.planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
@@ -50,6 +50,7 @@ from ballbar.planning.workspace import KeepOut
 from ballbar.scenario import load_scenario
 from ballbar.sim.errors.static_errors import THESIS_3_1, true_geometry
 from ballbar.sim.path_files import load_lissajous
+from tests.helpers.first_path import first_runnable
 from tests.helpers.program_reader import read_krl, read_pdl2, read_rapid
 
 ROOT = Path(__file__).parents[2]
@@ -265,10 +266,7 @@ def test_cover_of_the_sphere_is_that_of_a_cap() -> None:
 
 @pytest.fixture(scope="module")
 def runnable() -> tuple[Evaluator, PathCandidate]:
-    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    given = evaluators(requested)
-    start, _ = first_path(given)
-    return given[start.rod], rounded(space_of(requested).candidate(start.genome))
+    return first_runnable()
 
 
 @pytest.mark.parametrize(
@@ -425,3 +423,24 @@ def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, PathCand
 def test_a_wrong_what_if_is_refused(text: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         question(text)
+
+
+def test_the_round_end_of_the_forearm_reaches_the_centre_of_the_wrist(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    """Its capsule ends a radius before it; that of the upper arm is from joint 2 to joint 3."""
+    of, some = evaluator.clearance, slice(0, 3)
+    robot = robot_frames(trajectory.nominal, trajectory.q[some])
+    bar = bar_frames(trajectory.nominal, trajectory.b[some])
+    half, centres, axes = of._placed(robot, bar)
+    along = axes.reshape(*centres.shape, 3)[..., 2]
+    bodies = {name: k for k, name in enumerate(of.names)}
+    origin = robot.origin.transpose(2, 0, 1)  # (N, J + 1, 3)
+    for name, start, end in (("upper arm", 1, 2), ("forearm", 2, 4)):
+        k = bodies[name]
+        reach = half[:, k, None] * along[:, k]
+        radius = of.radii[name] if name == "forearm" else 0.0
+        line = origin[:, end] - origin[:, start]
+        line /= np.linalg.norm(line, axis=1, keepdims=True)
+        np.testing.assert_allclose(centres[:, k] - reach, origin[:, start], atol=1e-9)
+        np.testing.assert_allclose(centres[:, k] + reach + radius * line, origin[:, end], atol=1e-9)

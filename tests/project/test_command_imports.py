@@ -35,13 +35,21 @@ main()
 """
 
 
-# The same at the answer: what writes report and results ends the process.
+# The same at the answer too: a run ends there, an identification goes on with report and results.
 ANSWERED = """
-import json, os, sys
+import atexit, json, os, sys
 from types import ModuleType
-def answered(*_, **__):
+def say():
     print(json.dumps(sorted(sys.modules)), file=sys.stderr, flush=True)
-    os._exit(0)
+def answered(*given, **named):
+    say()
+    print("ANSWERED", flush=True)
+    if sys.argv[1] == "run":
+        os._exit(0)
+    del sys.modules["ballbar.outputs"]
+    from ballbar.outputs import write_outputs
+    return write_outputs(*given, **named)
+atexit.register(say)
 sys.modules["ballbar.outputs"] = outputs = ModuleType("ballbar.outputs")
 outputs.write_outputs = answered
 sys.argv[:] = {}
@@ -149,24 +157,11 @@ def test_the_replay_of_a_run_is_opened_without_the_libraries_that_write_it() -> 
 
 
 @pytest.mark.slow
-def test_an_identification_loads_nothing_of_simulation_or_other_commands(
-    recorded: Recorded, tmp_path: Path
-) -> None:
-    """The same with what is imported within functions."""
-    modules = loaded("identify", recorded.folder, "--samples", 300, "--out", tmp_path / "out", "-q")
-    assert "ballbar.ident.identify" in modules
-    # The report predicts what would help next by the planner, and the planner knows paths of sim.
-    planner = {"ballbar.planning"}
-    assert not modules & (
-        OF_OTHERS - planner | {"ballbar.sim.simulate", "mujoco", "rerun", "pandas"}
-    )
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("command", ["run", "identify"])
 def test_the_answer_comes_before_report_and_files_and_what_they_are_made_with(
     recorded: Recorded, tmp_path: Path, command: str
 ) -> None:
+    """And an identification loads nothing of simulation or other commands, within functions too."""
     file = tmp_path / "short.yaml"
     file.write_text(SHORT.replace("PATHS", str(SCENARIOS / "paths")))
     words = {"run": (file,), "identify": (recorded.folder, "--samples", "300")}[command]
@@ -174,9 +169,19 @@ def test_the_answer_comes_before_report_and_files_and_what_they_are_made_with(
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert "stated TCP uncertainty over the workspace" in done.stdout
-    assert ("limit" in done.stdout) == (command == "run")
-    modules = set(json.loads(next(x for x in done.stderr.splitlines() if x.startswith("["))))
+    said, rest = done.stdout.split("ANSWERED")
+    assert "stated TCP uncertainty over the workspace" in said
+    assert ("limit" in said) == (command == "run")
+    at_answer, *later_on = (json.loads(x) for x in done.stderr.splitlines() if x.startswith("["))
+    modules = set(at_answer)
     later = {"matplotlib", "rerun", "pandas", "jinja2", "scipy.stats", "scipy.ndimage", "sqlite3"}
     ours = {"ballbar.planning", "ballbar.report.page", "ballbar.result.calibration_schema"}
     assert modules & (later | ours | ({"sim"} if command == "identify" else set())) == set()
+    if command == "identify":
+        (at_end,) = later_on
+        assert "ballbar.ident.identify" in at_end
+        assert "Results in" in rest
+        # The report predicts what would help next by the planner, which knows paths of sim.
+        others = OF_OTHERS - {"ballbar.planning"}
+        unneeded = {"ballbar.sim.simulate", "mujoco", "rerun", "pandas"}
+        assert not set(at_end) & (others | unneeded)

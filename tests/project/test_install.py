@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.metadata import distribution
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.helpers.command_line import output
 from tests.helpers.simulated_recordings import Recorded
 from tests.helpers.source_imports import ROOT
 
@@ -25,6 +28,25 @@ SMALL = [
     for line in (ROOT / "requirements-identify.txt").read_text().splitlines()
     if not line.startswith("#")
 ]
+
+
+ONE_BY_ONE = """
+import io, json, sys
+from contextlib import redirect_stderr, redirect_stdout
+sys.path[:0] = [{!r}]
+from ballbar.commands import cli
+done = []
+for words in {}:
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    sys.argv[:] = ["ballbar", *words]
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            cli.main()
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+    done.append((code, out.getvalue(), err.getvalue()))
+print(json.dumps(done))
+"""
 
 
 def closure(requirements: list[str]) -> set[str]:
@@ -64,19 +86,26 @@ def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def small(packages: Path, *words: object) -> subprocess.CompletedProcess[str]:
-    """A command of this interpreter that sees no other packages."""
-    program = (
-        f"import sys; sys.path[:0] = [{str(packages)!r}]; sys.argv[0] = 'ballbar'\n"
-        "from ballbar.__main__ import main; main()"
-    )
-    return subprocess.run(
-        [sys.executable, "-I", "-S", "-c", program, *map(str, words)],
+class Done(NamedTuple):
+    """Exit code and output of a command."""
+
+    code: int
+    out: str
+    err: str
+
+
+def small(packages: Path, *commands: Sequence[object]) -> list[Done]:
+    """Commands, one after the other, of an interpreter that sees no other packages."""
+    program = ONE_BY_ONE.format(str(packages), [list(map(str, words)) for words in commands])
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", program],
         env=os.environ | {"COLUMNS": "400"},
         capture_output=True,
         text=True,
         check=False,
     )
+    assert done.returncode == 0, done.stderr
+    return [Done(*each) for each in json.loads(done.stdout)]
 
 
 def test_the_small_installation_has_the_bounds_of_the_whole_one() -> None:
@@ -93,56 +122,47 @@ def test_recordings_are_read_identified_reported_and_exported_alike(
 ) -> None:
     """Without pyarrow the slower reader gives the same values, to the last bit of the result."""
     identify = ("identify", recorded.folder, "--samples", 300, "--out")
-    done = small(packages, *identify, tmp_path / "small")
-    assert done.returncode == 0, done.stderr
-    whole = subprocess.run(
-        [sys.executable, "-m", "ballbar", *map(str, (*identify, tmp_path / "whole"))],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    first, second = (out.replace(name, "") for out, name in
-        ((done.stdout, "small"), (whole.stdout, "whole")))  # fmt: skip
-    assert first == second
-    texts = [(tmp_path / out / "calibration.yaml").read_text() for out in ("small", "whole")]
-    small_robot, whole_robot = (yaml.safe_load(text)["parameters"] for text in texts)
-    assert small_robot == whole_robot
-    assert (tmp_path / "small/report.html").stat().st_size > 1e5
-    for words in (
+    whole = output(*identify, tmp_path / "whole")
+    commands = (
+        (*identify, tmp_path / "small"),
         ("check", recorded.folder),
         ("export", tmp_path / "small", "--to", "urdf"),
         ("compare", tmp_path / "small", tmp_path / "whole"),
         ("verify", tmp_path / "small", recorded.folder),
         ("list",),
         ("--version",),
-    ):
-        done = small(packages, *words)
-        assert done.returncode == 0, (words, done.stderr)
-        assert done.stdout
+    )
+    every = small(packages, *commands)
+    for done, words in zip(every, commands, strict=True):
+        assert done.code == 0, (words, done.err)
+        assert done.out
+    assert every[0].out.replace("small", "") == whole.replace("whole", "")
+    texts = [(tmp_path / out / "calibration.yaml").read_text() for out in ("small", "whole")]
+    small_robot, whole_robot = (yaml.safe_load(text)["parameters"] for text in texts)
+    assert small_robot == whole_robot
+    assert (tmp_path / "small/report.html").stat().st_size > 1e5
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("words", "requirement"),
-    [
-        (("simulate", "irb2400", "--out", "OUT"), "mujoco-core"),
-        (("run", "irb2400", "--out", "OUT"), "rerun-sdk"),
-        (("identify", "RECORDING", "--rerun", "--out", "OUT"), "rerun-sdk"),
-        (("robot", "show", "irb2400"), "rerun-sdk"),
-        (("sweep", str(ROOT / "scenarios/sweeps/seeds.yaml"), "--out", "OUT"), "pyarrow"),
-    ],
-)
 def test_a_command_that_lacks_a_library_names_what_pip_installs(
-    packages: Path, recorded: Recorded, tmp_path: Path, words: tuple[str, ...], requirement: str
+    packages: Path, recorded: Recorded, tmp_path: Path
 ) -> None:
-    places = {"OUT": tmp_path / "out", "RECORDING": recorded.folder}
-    done = small(packages, *(places.get(word, word) for word in words))
-    assert done.returncode == 2, done.stderr
-    (asked,) = [x for x in map(Requirement, PLAIN) if x.name == requirement]
-    assert f"which is not installed: pip install '{requirement}" in done.stderr
-    command = done.stderr.partition("pip install '")[2].partition("'")[0]
-    assert Requirement(command).specifier == asked.specifier
-    assert not (tmp_path / "out").exists()
+    out = ("--out", tmp_path / "out")
+    lacking: tuple[tuple[tuple[object, ...], str], ...] = (
+        (("simulate", "irb2400", *out), "mujoco-core"),
+        (("run", "irb2400", *out), "rerun-sdk"),
+        (("identify", recorded.folder, "--rerun", *out), "rerun-sdk"),
+        (("robot", "show", "irb2400"), "rerun-sdk"),
+        (("sweep", ROOT / "scenarios/sweeps/seeds.yaml", *out), "pyarrow"),
+    )
+    every = small(packages, *(words for words, _ in lacking))
+    for done, (words, requirement) in zip(every, lacking, strict=True):
+        assert done.code == 2, (words, done.err)
+        (asked,) = [x for x in map(Requirement, PLAIN) if x.name == requirement]
+        assert f"which is not installed: pip install '{requirement}" in done.err
+        command = done.err.partition("pip install '")[2].partition("'")[0]
+        assert Requirement(command).specifier == asked.specifier
+        assert not (tmp_path / "out").exists()
 
 
 def test_the_readme_states_what_the_small_installation_saves() -> None:

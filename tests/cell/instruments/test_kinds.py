@@ -169,3 +169,15 @@ def test_a_single_value_has_the_noise_along_the_line_of_sight_alone(kind: Kind) 
         assert change == pytest.approx(
             np.full(exact.shape, 2.0 * (k == 0)) * instrument.sigma_length
         )
+
+
+@pytest.mark.parametrize("kind", kinds().values(), ids=lambda kind: kind.name)
+def test_every_value_of_a_row_has_one_deviation(kind: Kind) -> None:
+    """The three of a rotation have that of the instrument."""
+    instrument = load_instrument(instrument_of(kind))
+    values = kind.measure(stands(), NO_NOISE, instrument)
+    sigma = kind.sigma(values, instrument)
+    assert sigma.shape == (len(POINTS), values.shape[1] or 3)  # a socket has no values
+    assert (sigma > 0.0).all()
+    if kind.name == "pose":
+        assert (sigma[:, 3:] == instrument.sigma_rotation).all()

@@ -312,3 +312,12 @@ def test_a_channel_that_is_late_or_scaled_is_named_first(
 
 def test_no_channel_of_a_sound_recording_is_late_or_scaled() -> None:
     assert channel_errors(CELL, fit_recording(CELL, sound(), FEW)) == []
+
+
+def test_a_robot_that_stands_on_its_path_is_said_to_move_too_few_joints() -> None:
+    """No sphere can be laid through one point: nothing is off it, whatever the log lacks."""
+    robot = sound().robot
+    still = replace(sound(), robot=RobotLog(robot.t, np.tile(robot.q[:1], (robot.t.size, 1))))
+    (named,) = suspects(CELL, still)
+    assert named.cause == "too few joints move"
+    assert "no motion of axes 1, 2, 3, 4, 5, 6 of the robot" in named.evidence

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -139,3 +140,12 @@ def test_a_gear_may_be_about_half_as_stiff_below_its_knee() -> None:
     catalogue = 1.0 / CELL.robot.required("gears").stiffness[2]
     assert coefficient.mean == 0.0
     assert coefficient.sigma == pytest.approx(catalogue, rel=1e-12)
+
+
+def test_lags_come_back_from_another_process() -> None:
+    """The call that made them is pickled: a function within a function cannot be."""
+    lags = joint_lag(CELL.robot)
+    again = pickle.loads(pickle.dumps(lags))
+    assert again.coefficients == lags.coefficients
+    for one, other in zip(again.regressors(STATE), lags.regressors(STATE), strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -165,3 +165,19 @@ def test_the_tool_moves_with_the_masses_as_the_robot_of_the_other_cell(
     # turns by 3e-5 rad under displacements of 1e-4 rad: second order is 1e-8 of a metre
     assert np.abs(moves[0].T - expected).max() < 2e-8
     assert not moves[1].any()
+
+
+def test_the_structure_that_gives_way_moves_with_the_masses_too(
+    cell: Cell, nominal: Geometry, q: Array
+) -> None:
+    """Bearings that tilt under the arm's weight: the difference of both motions, to first order."""
+    tilt = CORRECTIONS["bearing_tilt"](cell, ())
+    values = 3e-7 * np.linspace(1.0, 2.0, len(tilt.coefficients))
+    soft = IdentifiedRobot(cell, nominal, (tilt,), values)
+    body = cell.plate.body
+    other = with_payload(cell, Payload(2.0 * body.mass, body.com, 1.0))
+    expected = replace(soft, description=other).tool(q) - soft.tool(q)
+    assert np.linalg.norm(expected, axis=1).max() > 1e-5
+    moves = soft.moved_by_masses([other, cell], q)
+    assert np.abs(moves[0].T - expected).max() < 1e-9
+    assert not moves[1].any()

@@ -152,3 +152,16 @@ def test_what_is_left_over_is_stated_as_sum_and_as_rms(exact: Angles, true: Geom
     )
     assert fit.cost == pytest.approx(400 * 1e-6)  # a millimetre along x in each sample
     assert fit.rms == pytest.approx(1e-3 / np.sqrt(3.0))
+
+
+def test_a_loose_stop_ends_a_printed_scalar_and_no_signed_form(
+    path: ReferencePath, exact: Angles, nominal: Geometry
+) -> None:
+    chosen = identifiable_by("position", nominal, path.q[::50], path.b[::50])
+
+    def steps(form: Form, **stop: float) -> int:
+        cost = cost_named("position", form)
+        return fit_cost(cost, nominal, **exact, parameters=chosen, **stop).iterations
+
+    assert steps("thesis", relative_stop=0.1) < steps("thesis")
+    assert steps("vector", relative_stop=0.1) == steps("vector")
