@@ -17,6 +17,7 @@ from ballbar.cell.arrays import Array
 from ballbar.cell.chain import Chain, forward
 from ballbar.cell.errors import InputError
 
+ARM_AXES = 3  # whose angles are unique: only the wrist turns as a whole
 ELBOWS = (1.0, -1.0)  # up and down
 REACHED = 1e-9  # [m, rad] of a pose that is taken, and of offsets that are none
 # [rad] twists of the arms that have a closed form; with s = -1 alpha_4 and alpha_5 are mirrored

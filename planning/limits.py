@@ -28,7 +28,7 @@ UNIT_LENGTH = 0.3  # [m] a gross violation of the distance from axis 1
 BAR_SINGULAR = (("b2", 1), ("b4", 3))
 # [s] in which a servo catches up with what friction held back; in MuJoCo 0.18 s at the median
 # reversal of an IRB 2400, 0.11 s of an NJ 220
-CATCH_UP = 0.15
+CATCH_UP = 0.18
 HELD = 0.2  # [s] from a reversal to when friction lets go, about
 CROSSING = "side"  # in place of a unit: whether a singular posture was passed
 

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 
 from ballbar.cell.arrays import Array
 from ballbar.cell.chain import Frames
-from ballbar.cell.closed_form import ELBOWS, has_closed_form, robot_branches
+from ballbar.cell.closed_form import ARM_AXES, ELBOWS, has_closed_form, robot_branches
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry, robot_frames
 from ballbar.cell.numerical_inverse import in_range
@@ -21,7 +21,6 @@ from ballbar.planning.request import PlanTiming
 from ballbar.sim.path import Lissajous, branches_along, phase_over_time, tool_poses
 
 STEP = 0.2  # [s] of the grid; the motion has no part above 1 Hz
-ARM_AXES = 3  # of an arm with closed form, whose angles are unique: only its wrist turns as a whole
 DEGREE = 5  # of the spline that is differentiated; a cubic one is off by 9 % at steps of 0.5 s
 
 

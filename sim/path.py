@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ballbar.cell.arrays import Array
-from ballbar.cell.closed_form import has_closed_form, robot_branches
+from ballbar.cell.closed_form import ARM_AXES, has_closed_form, robot_branches
 from ballbar.cell.descriptions import Robot
 from ballbar.cell.errors import InputError
 from ballbar.cell.geometry import BAR_ROWS, Geometry, bar_frames
@@ -144,10 +144,10 @@ def reference_path(
     if beginning is not None:
         turned = [float(np.abs(np.angle(np.exp(1j * (q[0] - beginning)))).max()) for q in branches]
         branches = [branches[int(np.argmin(turned))]]
-    if has_closed_form(nominal.robot):  # less whole turns: about 0, or about the axis ranges
+    closed = has_closed_form(nominal.robot)
+    if closed:  # the arm less whole turns
         branches = [q - 2.0 * np.pi * np.round(q.mean(axis=0) / (2.0 * np.pi)) for q in branches]
-    else:
-        branches = [in_range(robot, q) for q in branches]
+    branches = [in_range(robot, q, first=ARM_AXES if closed else 0) for q in branches]
     q = _branch_in_range(robot, t, branches)
     speed = CubicSpline(t, q).derivative()(t)
     check_speeds(robot, t, speed)
