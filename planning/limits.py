@@ -187,10 +187,11 @@ def reversal(robot: Robot, limits: PlanLimits, trajectory: Trajectory, held: Arr
     held : (J,) [rad] that a gear stays behind until the servo overcomes its friction. At the
         acceleration a it stays for sqrt(2 held / a), then catches up with the speed of its target.
     """
-    turned, bend = reversing(robot, trajectory)
+    turned, there, later = reversing(robot, trajectory)
     caught_up = np.sign(turned) * np.sqrt(2.0 * held * np.abs(turned)) / CATCH_UP
     added = caught_up @ robot.gear_to_joint @ robot.joint_to_axis
-    rate = np.degrees(np.where(added, np.abs(bend + added), 0.0))
+    reached = np.maximum(np.abs(there + added), np.abs(later + added))
+    rate = np.degrees(np.where(added, reached, 0.0))
     key = "axis_acceleration_deg_per_s2"
     allowed = getattr(limits, key)
 
@@ -202,17 +203,19 @@ def reversal(robot: Robot, limits: PlanLimits, trajectory: Trajectory, held: Arr
     return LimitedValue(key, rate.max(axis=1), allowed, "deg/s^2", allowed, text)
 
 
-def reversing(robot: Robot, trajectory: Trajectory) -> tuple[Array, Array]:
-    """(N, J) [rad/s^2] of gears that reverse until the next sample, else 0, and of the axes, HELD
-    after that."""
+def reversing(robot: Robot, trajectory: Trajectory) -> tuple[Array, Array, Array]:
+    """(N, J) [rad/s^2] of gears that reverse until the next sample, else 0; of the axes there, and
+    HELD after that."""
     speed, bend = trajectory.speed @ robot.joint_to_gear, trajectory.acceleration
     turns = (speed[1:] * speed[:-1] < 0.0) & (np.diff(trajectory.first) == 0)[:, None]
-    when = speed[:-1] / np.where(turns, speed[:-1] - speed[1:], 1.0)  # share of the step
-    when = np.where(turns, when + HELD / (trajectory.t[1] - trajectory.t[0]), 0.0)
-    there = bend[:-1] + np.minimum(when.max(axis=1, keepdims=True), 1.0) * np.diff(bend, axis=0)
-    turned = np.where(turns, there @ robot.joint_to_gear, 0.0)
-    last = np.zeros((1, robot.joints))
-    return np.concatenate((turned, last)), np.concatenate((there @ robot.joint_to_axis, last))
+    when = np.where(turns, speed[:-1] / np.where(turns, speed[:-1] - speed[1:], 1.0), 0.0)
+    when, step = when.max(axis=1, keepdims=True), trajectory.t[1] - trajectory.t[0]
+    there, later = (
+        np.pad(bend[:-1] + share * np.diff(bend, axis=0), ((0, 1), (0, 0)))
+        for share in (when, np.minimum(when + HELD / step, 1.0))
+    )
+    turned = np.pad(turns, ((0, 1), (0, 0))) * (there @ robot.joint_to_gear)
+    return turned, there @ robot.joint_to_axis, later @ robot.joint_to_axis
 
 
 def _singular_angle(

@@ -125,8 +125,8 @@ def test_speeds_are_shares_of_each_axis_s_own_and_accelerations_degrees() -> Non
 
 
 def test_friction_adds_to_the_acceleration_after_a_gear_reverses_and_nowhere_else() -> None:
-    """Gear 5 reverses before the second sample and takes axis 6 along by its coupling; gear 1 only
-    slows down; between the runs the sign changes, but nothing moved there."""
+    """Gear 5 reverses a third of the way to the second sample and takes axis 6 along by its
+    coupling; gear 1 only slows down; between the runs the sign changes, but nothing moved there."""
     robot = load_cell("irb2400", "lund_600", "plate_250").robot
     speed, bend = np.zeros((4, 6)), np.zeros((4, 6))
     speed[:, 4], speed[:, 0] = [1.0, -2.0, 2.0, 1.0], [3.0, 1.0, 2.0, 1.0]
@@ -135,7 +135,7 @@ def test_friction_adds_to_the_acceleration_after_a_gear_reverses_and_nowhere_els
     limits = PlanLimits(axis_acceleration_deg_per_s2=30.0)
     moving = motion(speed=speed @ robot.gear_to_joint, acceleration=bend @ robot.gear_to_joint)
     value = reversal(robot, limits, moving, held)
-    a = np.radians(20.0)
+    a = np.radians(18.0 + 2.0 / 3.0)
     added = np.degrees(np.sqrt(2.0 * 0.02 * a) / CATCH_UP)
     np.testing.assert_allclose(value.value, [20.0 + added, 0.0, 0.0, 0.0], atol=1e-9)
     assert value.limit == "axis_acceleration_deg_per_s2"
@@ -158,8 +158,9 @@ def test_friction_lets_go_a_while_after_the_reversal() -> None:
     moving = motion(
         t=np.arange(4.0), speed=speed @ robot.gear_to_joint, acceleration=bend @ robot.gear_to_joint
     )
-    turned, _ = reversing(robot, moving)
-    np.testing.assert_allclose(turned[:, 0], [-1.7, 0.0, 0.0, 0.0], atol=1e-12)
+    turned, there, later = (np.abs(a[:, 0]) for a in reversing(robot, moving))
+    np.testing.assert_allclose(turned, [1.5, 0.0, 0.0, 0.0], atol=1e-12)
+    assert (there[0], later[0]) == pytest.approx((1.5, 1.7))
 
 
 def test_violations_come_worst_first_with_their_time(monkeypatch: pytest.MonkeyPatch) -> None:
