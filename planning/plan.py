@@ -64,9 +64,9 @@ GENERATIONS, MOST_GENERATIONS = 20, 100
 # Screened candidates that are tried before one, without the force that excludes most of them: those
 # that are farthest from the limits move least and identify least.
 TRIED = 32
-# Of the amplitudes of the best path: where the servo takes all that were found beyond a limit, by a
-# few percent of the acceleration, one of these keeps it.
-CALMER = (0.98, 0.96, 0.94, 0.92, 0.9)
+# Of a search, as they are; then the best with these shares of its amplitudes: where the servo takes
+# it beyond a limit, by some percent of the acceleration, its neighbours are beyond it as well.
+AS_FOUND, CALMER = 2, (0.95, 0.9)
 SHOWN = 3  # limits that the nearest miss violates, worst first
 
 
@@ -230,7 +230,7 @@ def plans(
     since: Callable[[], float],
     known: Known | None = None,
 ) -> Iterator[PathPlan]:
-    """The best path within `seconds` and `evaluations`, then the next best ones, then calmer ones.
+    """The best path within `seconds` and `evaluations`, then the next best, then calmer ones.
 
     With 0 seconds, the first path that can be run. relative_to : folder of the request, for the
         paths that it names. show : called with the progress of the search. since : returns the
@@ -267,7 +267,7 @@ def plans(
             stopped=progress.stopped,
         )
 
-    yield from map(planned, best)
+    yield from map(planned, best[:AS_FOUND])
     for share in CALMER:
         try:
             plan = planned(calmer(best[0], share))
