@@ -119,7 +119,7 @@ def test_every_format_states_fitted_ranges_and_what_it_leaves_out(result: Result
     for to in ("urdf", "mjcf", "hayati", "poe", "abb"):
         text = exported(result, to)  # type: ignore[arg-type]
         assert "outside the fitted range of a joint the error is unknown" in text
-        assert "joint 1: -114.6 to 114.6 deg (-2.0 to 2.0 rad)" in text
+        assert "joint 1: -114.6 to 114.6 deg (-2.0000 to 2.0000 rad)" in text
         assert "sag of the joints under the arm's weight (unit_weights, identified)" in text
         assert "joint errors that repeat with each turn (joint_harmonics, identified)" in text
         assert re.search(r"rd1 = [\d.]+ m, NOMINAL: not identified", text)
