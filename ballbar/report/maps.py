@@ -202,7 +202,7 @@ def sphere_map(
         for name_of_axis, (a, b) in {"x": (1.72, 0.0), "y": (0.0, 1.72)}.items():
             place = centre[0] + a * unit_circle, centre[1] - b * unit_circle + 0.35 * TEXT
             parts.append(words(place, name_of_axis, "middle"))
-    return figure(parts, bottom + 2.0)
+    return figure(parts, bottom + 4.0)
 
 
 def sphere_maps(fitted: FittedRecording) -> tuple[Markup, Markup]:
