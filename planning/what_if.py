@@ -1,4 +1,4 @@
-"""What-if analysis: predicted TCP error on the same path with one property of the rig changed.
+"""Predicted TCP error on the same path with one property of the rig changed (what-if analysis).
 
 A path that the changed rig cannot run (another rod, another plate) is adapted: the nearest path
 that it can run, with the ball-bar moved if necessary.
