@@ -61,7 +61,8 @@ LAG = (8e-3, 10e-3, 12e-3, 8e-3, 10e-3, 12e-3)  # [s]
 TOOL = 4.73  # [kg] of 4.30 that the plate's file states
 UNLIKE = (1e-7, 3e-7, 3e-7, 1e-7, 2e-7, 3e-7)  # [rad/(N m)] x1 y1 x2 y2 x3 y3
 TWICE, CLOCK = 2.0, 4.0  # stated sigmas
-NO_ATTACKS = ("base", "rod", "rod50", "knee")  # effects that are none, or that have other names
+# Effects that are none, or that have other names
+NO_ATTACKS = ("base", "listed", "rod", "rod50", "knee")
 CLEAR = 0.95  # of the flank of a gear's backlash, -1 to 1
 STUDIES = 2000  # of as many robots, drawn for what chance leaves of a median
 # Limits on either side: TCP errors and deviations in mm, shares
@@ -110,6 +111,7 @@ def _first_with(**faults: object) -> Case:
 
 EFFECTS: dict[str, Case] = {
     "base": Case(),
+    "listed": _of(unlisted=0.0),
     "rod": Case(rod_known=ROD_KNOWN),
     "rod50": Case(faults=(Faults(rod_error=50e-6),), rod_known=ROD_KNOWN),
     "bearing1": _of(bearing=(1e-7,) * 6),

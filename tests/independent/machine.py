@@ -90,6 +90,7 @@ class Effects:
     rod_play: float = 0.0  # [m] half of what the balls are loose in their seats
     plate_softer: float = 1.0  # compliance of the plate, times
     further: tuple[Ripple, ...] = ()  # errors of the gears beside those of the files
+    unlisted: float = 1.0  # ripple whose order no file lists, and errors of the masses, times
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,6 +245,9 @@ def _machine(cell: Files, effects: Effects, rng: np.random.Generator | None) -> 
     def z(*shape: int) -> Array:
         return np.zeros(shape) if rng is None else rng.standard_normal(shape)
 
+    def of_bodies(*shape: int) -> Array:
+        return effects.unlisted * z(*shape)
+
     real = rng is not None
     gears, plate = cell.robot["gears"], cell.plate
     rows, bar = cell.robot_rows(), _rows(cell.bar)
@@ -259,13 +263,13 @@ def _machine(cell: Files, effects: Effects, rng: np.random.Generator | None) -> 
         @ exponential(turn(_Y, np.zeros(3)), tilt[1]).R,
         POSITION + 2e-3 * z(3),
     )
-    bodies = [(i, *_body(cell.robot["links"][f"link{i + 1}"], z)) for i in range(6)]
+    bodies = [(i, *_body(cell.robot["links"][f"link{i + 1}"], of_bodies)) for i in range(6)]
     flange = homes(_rows(cell.robot), Pose(np.eye(3), np.zeros(3)))[6]
     if effects.feeder:
         forearm = homes(_rows(cell.robot), Pose(np.eye(3), np.zeros(3)))[3]
         own = 0.01 * effects.feeder * np.eye(3)
         bodies.append((2, effects.feeder, forearm.p + forearm.R @ FEEDER, own))
-    tools = [_body(plate["body"], z)]
+    tools = [_body(plate["body"], of_bodies)]
     if effects.tool_mass:
         size = 0.05 * effects.tool_mass  # [kg m^2] gyration radius of 0.1 m in each direction
         tools.append((effects.tool_mass, np.array(effects.tool_centre), 0.2 * size * np.eye(3)))
@@ -279,12 +283,12 @@ def _machine(cell: Files, effects: Effects, rng: np.random.Generator | None) -> 
         (plate["length_m"], plate_stiffness / effects.plate_softer if real else np.inf),
     )
     ratio = np.diag(cell.transmission)
-    ripples, resolvers = _ripples(cell, ratio, rng) if rng is not None else ((), ())
+    ripples, resolvers = _ripples(cell, ratio, effects, rng) if rng is not None else ((), ())
     return Machine(
         rows=rows,
         bar_rows=bar,
         arm=arm,
-        bar=_bar(bar, cell.bar, base, z),
+        bar=_bar(bar, cell.bar, base, of_bodies),
         compliance=compliance,
         grow=grow,
         to_joint=cell.transmission / ratio[:, None],
@@ -384,7 +388,7 @@ def _bar(rows: Array, file: dict[str, Any], base: Pose, z: Any) -> Mechanism:
 
 
 def _ripples(
-    cell: Files, ratio: Array, rng: np.random.Generator
+    cell: Files, ratio: Array, effects: Effects, rng: np.random.Generator
 ) -> tuple[tuple[Ripple, ...], tuple[Ripple, ...]]:
     def ripple(gear: int, order: float, size: float) -> Ripple:
         return Ripple(gear, order, size, rng.uniform(0, 2 * np.pi), rng.uniform(-DEPTH, DEPTH))
@@ -396,6 +400,6 @@ def _ripples(
             orders = [*table["cycles_per_turn"], 1.0 / abs(ratio[gear])]
             sizes = [*table["amplitude_rad"], table["input_amplitude_rad"]]
             out += [ripple(gear, n, size) for n, size in zip(orders, sizes, strict=True)]
-            out.append(ripple(gear, float(rng.integers(3, 39)), UNLISTED))
+            out.append(ripple(gear, float(rng.integers(3, 39)), effects.unlisted * UNLISTED))
     resolvers = tuple(ripple(i, float(n), RESOLVER) for i in range(6) for n in (1, 2))
     return tuple(out), resolvers
