@@ -56,8 +56,9 @@ for line in sys.stdin:
 
 @contextmanager
 def commands_of(python: Path, cwd: Path) -> Iterator[Callable[..., str]]:
-    """What commands of the package that an interpreter has print: all in one process of it, which
-    imports once. Fails with their errors.
+    """A function that runs a command of an interpreter's package and returns what it prints.
+
+    All commands run in one process, which imports once. It fails with their errors.
     """
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     with subprocess.Popen(

@@ -82,7 +82,7 @@ def folder(python: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def ballbar(python: Path, folder: Path) -> Iterator[Ballbar]:
-    """What a command of the environment prints, which succeeds."""
+    """Standard output of a command of the environment, which succeeds."""
     with commands_of(python, folder) as say:
         yield say
 
