@@ -16,11 +16,13 @@ disturbed reading, and steps of Student's t (Lange, Little & Taylor 1989) let th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg import LinAlgError
+from scipy.linalg.lapack import dpbtrf, dtbtrs
 from scipy.optimize import minimize
 
 from ballbar.cell.arrays import Array
@@ -172,11 +174,11 @@ class _Normal:
 
         precision : (E - 1, 6) of the steps beside a trend. pace : (E - 1, 1) time of each.
         """
-        plain, response, information, determinant = self._parts(precision, pace)
-        known = _flow(precision, pace).T @ plain
+        factor, white, pulled, information, determinant = self._reduced(precision, pace)
+        known = pulled.T @ white
         trend = np.linalg.solve(information, known)
-        deviance = determinant - float(self.right.ravel() @ plain) - float(known @ trend)
-        return (plain + response @ trend).reshape(-1, 6), deviance
+        motion = dtbtrs(factor, white + pulled @ trend, uplo="L", trans="T")[0]
+        return motion.reshape(-1, 6), determinant - float(white @ white) - float(known @ trend)
 
     def covariance(self, precision: Array, pace: Array) -> Array:
         """(E, 6, 6) of each motion; that of a known trend by elimination forwards and backwards."""
@@ -189,27 +191,37 @@ class _Normal:
         for n in range(len(precision) - 1, -1, -1):
             gain = out[n] * precision[n]
             out[n] += gain @ out[n + 1] @ gain.T
-        _, response, information, _ = self._parts(precision, pace)
-        slopes = response.reshape(out.shape)
+        factor, _, pulled, information, _ = self._reduced(precision, pace)
+        slopes = dtbtrs(factor, pulled, uplo="L", trans="T")[0].reshape(out.shape)
         return np.asarray(out + slopes @ np.linalg.inv(information) @ slopes.transpose(0, 2, 1))
 
-    def _parts(self, precision: Array, pace: Array) -> tuple[Array, Array, Array, float]:
-        """Motion without a trend (6 E,), its change with one (6 E, 6), the information (6, 6) about
-        the trend, and the logarithm of the determinant.
-        """
-        band = np.zeros((7, self.right.size))  # lower: a step ties each unknown to the sixth behind
+    @cached_property
+    def _band(self) -> Array:
+        """(7, 6 E) lower band of the blocks; a step ties each unknown to the sixth behind."""
+        band = np.zeros((7, self.right.size))
         for i in range(6):
             for j in range(i + 1):
                 band[i - j, j::6] = self.blocks[:, i, j]
-        flat = precision.ravel()
+        return band
+
+    def _reduced(self, precision: Array, pace: Array) -> tuple[Array, Array, Array, Array, float]:
+        """Cholesky factor (7, 6 E) of the band without a trend, the right side (6 E,) and that of
+        a trend (6 E, 6) divided by it, the information (6, 6) about the trend, and the logarithm
+        of the determinant.
+        """
+        band, flat = self._band.copy(), precision.ravel()
         band[0, :-6] += flat
         band[0, 6:] += flat
         band[6, :-6] = -flat
-        factor, flow = cholesky_banded(band, lower=True), _flow(precision, pace)
-        both = cho_solve_banded((factor, True), np.column_stack((self.right.ravel(), flow)))
-        information = np.diag((precision * pace**2).sum(axis=0)) - flow.T @ both[:, 1:]
+        factor, minor = dpbtrf(band, lower=1)  # scipy's own functions check more, each time
+        if minor != 0:
+            raise LinAlgError(f"{minor}-th leading minor not positive definite")
+        right = np.column_stack((self.right.ravel(), _flow(precision, pace)))
+        white = dtbtrs(factor, right, uplo="L")[0]
+        pulled = white[:, 1:]
+        information = np.diag((precision * pace**2).sum(axis=0)) - pulled.T @ pulled
         determinant = 2.0 * np.log(factor[0]).sum() + np.linalg.slogdet(information)[1]
-        return both[:, 0], both[:, 1:], information, float(determinant)
+        return factor, white[:, 0], pulled, information, float(determinant)
 
 
 def _flow(precision: Array, pace: Array) -> Array:

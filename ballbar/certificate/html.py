@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from functools import cache
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from ballbar.certificate.content import Content, canonical, digest_of
@@ -19,11 +21,16 @@ def html(content: Content) -> bytes:
 
 def document(content: Content, embedded: str = "") -> str:
     """The printed certificate of a content, well-formed as XML."""
+    words = {"w": Words(content["locale"]), "digest": digest_of(content), "embedded": embedded}
+    return _template().render(content | words)
+
+
+@cache
+def _template() -> Template:
     environment = Environment(
         loader=PackageLoader("ballbar.certificate"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    words = {"w": Words(content["locale"]), "digest": digest_of(content), "embedded": embedded}
-    return environment.get_template("certificate.html").render(content | words)
+    return environment.get_template("certificate.html")

@@ -82,11 +82,26 @@ def recomputed(certified: Path) -> Content:
 def recomputed_once(
     recomputed: Content, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A check knows what the unchanged inputs give; it asks only where they are unchanged."""
+    """A check knows what the unchanged inputs give; it asks only where they are unchanged.
+
+    Nor is a content printed again: what is printed depends on nothing but the content.
+    """
     if request.node.callspec.params.get("change") not in RECOMPUTED:
+        monkeypatch.setattr(check, "certificate_file", printed_once)
         monkeypatch.setattr(
             check, "certificate_content", lambda *_, **__: (deepcopy(recomputed), None)
         )
+
+
+PRINTED: dict[tuple[bytes, str], bytes] = {}
+
+
+def printed_once(content: Content, kind: str) -> bytes:
+    """The file of a content."""
+    key = canonical(content), kind
+    if key not in PRINTED:
+        PRINTED[key] = certificate_file(content, kind)
+    return PRINTED[key]
 
 
 KINDS = ("certificate.html", "certificate.pdf")
@@ -178,7 +193,7 @@ def forged(change: Callable[[dict[str, Any]], object]) -> Callable[[Path, Path],
         before = json.dumps(content)
         change(content)
         assert json.dumps(content) != before
-        certificate.write_bytes(certificate_file(content, certificate.suffix))
+        certificate.write_bytes(printed_once(content, certificate.suffix))
 
     return make
 

@@ -8,8 +8,9 @@ on the flange, or the other way round.
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ LENS = dict(
 SIZE = np.array([1280, 720])  # [px]
 COLUMNS, ROWS = 9, 7  # squares of the board
 DRAWS = 20000  # of postures at a time
+AT_ONCE = 200  # of them whose pictures are worked out together
 
 Image = Callable[[Array], Array]
 
@@ -159,27 +161,40 @@ def draw(
     """
     rng = np.random.default_rng(seed)
     robot, points = arm(rng, size, zeros), corners(square)
-    seat, target = _stands(rng, points.mean(axis=0), carried=carried)
+    middle = points.mean(axis=0)
+    seat, target = _stands(rng, middle, carried=carried)
     true = np.column_stack((board(points), np.ones(len(points))))
     q, pixels = list[Array](), list[Array]()
     while len(q) < count:
         trial = rng.uniform(-np.pi, np.pi, (DRAWS, 6))
         trial[:, 1] = rng.uniform(-2.6, -0.3, DRAWS)
         trial[:, 2] = rng.uniform(0.2, 2.6, DRAWS)
-        flange = robot.flange(trial)
-        to_camera = inverse(flange @ target) @ seat if carried else inverse(seat) @ flange @ target
-        middle = to_camera[:, :3, :3] @ points.mean(axis=0) + to_camera[:, :3, 3]
-        away = np.linalg.norm(middle, axis=1)
-        facing = (to_camera[:, :3, 2] * middle).sum(axis=1) / away
-        good = (middle[:, 2] > 0.35) & (away < 1.1) & (facing > 0.5) & (flange[:, 2, 3] > 0.05)
-        for i in np.flatnonzero(good)[: count - len(q)]:
-            seen = image((true @ to_camera[i].T)[:, :3])
+        sights = _facing(robot, trial, seat, target, middle, carried=carried)
+        for angles, to_camera in islice(sights, count - len(q)):
+            seen = image((true @ to_camera.T)[:, :3])
             seen = seen + noise * rng.standard_normal(seen.shape)
             inside = ((seen > 2.0) & (seen < SIZE - 3.0)).all(axis=1)
             if inside.sum() >= (12 if rng.random() < cut else len(points)):
-                q.append(trial[i])
+                q.append(angles)
                 pixels.append(np.where(inside[:, None], seen, np.nan))
     return Drawn(np.array(q), np.array(pixels), robot, seat, target, points, carried)
+
+
+def _facing(
+    robot: Arm, trial: Array, seat: Array, target: Array, middle: Array, *, carried: bool
+) -> Iterator[tuple[Array, Array]]:
+    """Joint angles (6,) [rad] of rows of `trial` where the camera may see the board, whose middle
+    is a point (3,) [m] of it, and the board's pose (4, 4) before the camera; worked out a few rows
+    ahead of those that are taken.
+    """
+    for rows in np.split(trial, range(AT_ONCE, len(trial), AT_ONCE)):
+        flange = robot.flange(rows)
+        to_camera = inverse(flange @ target) @ seat if carried else inverse(seat) @ flange @ target
+        seen = to_camera[:, :3, :3] @ middle + to_camera[:, :3, 3]
+        away = np.linalg.norm(seen, axis=1)
+        facing = (to_camera[:, :3, 2] * seen).sum(axis=1) / away
+        good = (seen[:, 2] > 0.35) & (away < 1.1) & (facing > 0.5) & (flange[:, 2, 3] > 0.05)
+        yield from zip(rows[good], to_camera[good], strict=True)
 
 
 def _stands(rng: np.random.Generator, middle: Array, *, carried: bool) -> tuple[Array, Array]:
