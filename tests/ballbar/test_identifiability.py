@@ -273,6 +273,11 @@ def test_the_scale_is_written_in_words() -> None:
     assert vector_text(scale) == "bd3 = scale, all lengths together"
 
 
+def test_a_null_vector_names_signs_and_factors_other_than_1() -> None:
+    vector = Dependency("rtheta1", {"btheta1": -1.0, "oy": 0.7, "ox": -1.4286}, is_scale=False)
+    assert vector_text(vector) == "rtheta1 = -btheta1 + 0.7 oy - 1.429 ox"
+
+
 def test_the_command_prints_the_tables_of_one_cost() -> None:
     code, out, _ = ballbar("identifiability", SCENARIOS / "irb2400.yaml", "--cost", "position")
     assert code == 0

@@ -18,6 +18,12 @@ from ballbar.commands import cli
 from tests.helpers.command_line import ballbar
 
 
+def test_the_list_of_commands_says_what_each_is_for() -> None:
+    code, said, _ = ballbar("--help")
+    assert code == 0
+    assert "Compare a calibration with the truth" in " ".join(said.split())
+
+
 def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> tuple[int, str, str]:
     """Code and output of a command whose work raises an error."""
 

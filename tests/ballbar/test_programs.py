@@ -22,7 +22,7 @@ from ballbar.cell.load import load_robot
 from ballbar.cell.payload import Payload, with_payload
 from ballbar.cell.robot_angles import controller_to_joints, joints_to_axes
 from ballbar.compensation.frames import FrameOptions, frame_options, pose_of_angles
-from ballbar.compensation.program_text import Number, number_text
+from ballbar.compensation.program_text import Number, Reader, Token, number_text
 from ballbar.compensation.programs import (
     CorrectedProgram,
     correct_program,
@@ -515,6 +515,22 @@ def test_of_two_files_none_is_written_where_one_cannot_be(
     assert sorted(write_programs(out, done)) == sorted(out.parent.iterdir())
 
 
+def test_the_tool_of_triggc_is_the_argument_after_the_zone(tmp_path: Path, result: Result) -> None:
+    """CirPoint, ToPoint, Speed, Trigg_1, Zone, Tool (Technical reference manual, RAPID)."""
+    robot, file = result.robot, tmp_path / "weld.mod"
+    point = robtarget(robot, AXES[0], tool_frame(), table_frame())
+    body = rf"TriggC {point},{point},v100,gun,z1,tGun\WObj:=table1;"
+    file.write_bytes(module(robot, body).encode("latin-1"))
+    tools = [t.setup.tool for t in read_programs(file, NONE)[0].targets if t.name == "TriggC"]
+    assert len(tools) == 2
+    np.testing.assert_allclose(tools, [tool_frame()] * 2, atol=1e-6)
+
+
+@pytest.mark.parametrize(("tokens", "line"), [([], 7), ([Token("word", "a", 0, 1, 9)], 9)])
+def test_a_statement_ends_on_the_line_of_its_last_token(tokens: list[Token], line: int) -> None:
+    assert Reader(tokens, "a", 7, len(tokens)).token.line == line
+
+
 def test_module_calls_without_arguments_are_named_as_not_corrected(
     tmp_path: Path, result: Result
 ) -> None:
@@ -673,6 +689,18 @@ def test_a_tool_of_krl_that_nobody_stated_is_asked_for_by_its_number(tmp_path: P
     path.write_text(f"DEF weld()\nLIN {POSE}\nEND\n")
     with pytest.raises(InputError, match=r"\$BASE \(number not stated\) .* --frame X,Y,Z"):
         read_programs(path, replace(NONE, tools=UNNAMED.tools))
+
+
+def test_the_tool_of_a_krl_motion_has_the_name_of_its_number_where_it_states_one(
+    tmp_path: Path,
+) -> None:
+    lines = [
+        f"SLIN {POSE} WITH $TOOL=TOOL_DATA[2]",
+        "SLIN F1 WITH $TOOL={X 5,Y 0,Z 0,A 0,B 0,C 0}, $BASE=BASE_DATA[1]",
+        f"DECL FRAME F1={POSE}",
+    ]
+    targets = read_programs(krl_of(tmp_path, lines), OTHER_TOOLS)[0].targets
+    assert [target.setup.tool_name for target in targets] == ["tool 2", "$TOOL"]
 
 
 def test_a_load_of_krl_is_that_of_the_tool_that_a_motion_states(tmp_path: Path) -> None:

@@ -2,14 +2,18 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from ballbar.ident.options import FitOptions
+from ballbar.ident.result import RecordingEstimate
 from ballbar.report.line_plot import _extremes
 from ballbar.report.motion import cell_motion, mark_sentences, marks, stretches
 from ballbar.report.recording_figures import SHIFTS, log_figures, shift_curve
+from ballbar.report.recording_text import direction_sentences
 from ballbar.result.identify import identify
 from ballbar.result.run_data import FittedRecording
 from tests.helpers.simulated_recordings import Recorded
@@ -30,6 +34,16 @@ def fitted(recorded: Recorded) -> FittedRecording:
     options = FitOptions(samples=300, model="dh")
     (recording,) = identify(Path(recorded.folder), options=options).data.recordings
     return recording
+
+
+def test_directions_are_compared_with_the_declared_but_those_of_b2_and_b4() -> None:
+    estimate = SimpleNamespace(encoders=(1, 2, 3, 4, 5), directions=(1, -1, -1, -1, -1))
+    assert direction_sentences(cast("RecordingEstimate", estimate)) == [
+        "b1: direction as declared.",
+        "b3 and b5: direction opposite to the declared one; the identified one is used.",
+        "b2 and b4: direction taken as declared: it cannot be observed, and does not change the "
+        "result.",
+    ]
 
 
 def test_dwells_of_the_robot_are_marked_where_the_path_has_them(fitted: FittedRecording) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from ballbar.cell.descriptions import Link
 from ballbar.cell.errors import DescriptionError
-from ballbar.export.into_urdf import _angle
+from ballbar.export.into_urdf import ChangedFile, _angle, changed_lines
+from ballbar.export.result import Result
 from ballbar.robot_file.urdf import parse_urdf, with_round_angles
 from ballbar.robot_file.urdf_chain import bodies, chain_between
 from tests.helpers.published_urdf import PUBLISHED, Joint, tip_pose, turn
@@ -262,3 +266,17 @@ def test_the_angle_of_a_rotation_is_exact_also_where_it_is_small(
 ) -> None:
     rotation = Rotation.from_rotvec(angle * np.array(axis)).as_matrix()
     assert _angle(rotation) == pytest.approx(angle, rel=1e-7, abs=1e-15)
+
+
+def test_what_moved_is_told_in_mm_and_mrad_by_joint() -> None:
+    shift, turn = np.array([1.2345e-3, 0.0]), np.array([0.0, 6.7e-5])
+    changed = ChangedFile(b"", ("shoulder", "elbow"), shift, turn, 3e-9, ["a range"])
+    result = cast("Result", SimpleNamespace(left_out=["ripple", "sag"]))
+    assert changed_lines(changed, result) == [
+        "origins of joints, changed by:",
+        "  shoulder: 1.234 mm, 0.000 mrad",
+        "  elbow: 0.000 mm, 0.067 mrad",
+        "read back, the chain agrees with the identified one within 3.0e-09 m",
+        "Not in it: ripple; sag",
+        "a range",
+    ]
