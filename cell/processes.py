@@ -163,7 +163,8 @@ def begin_in_copy(work: Callable[..., object], *arguments: object) -> Callable[[
 
 def _send(sending: Connection, work: Callable[[], object]) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    if sys.platform != "win32":  # which has neither masks nor copies
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     with suppress(Exception):  # raised again where the work is repeated
         sending.send(work())
 
