@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -148,7 +149,8 @@ def begin_in_copy(work: Callable[..., object], *arguments: object) -> Callable[[
         return here
     receiving, sending = multiprocessing.Pipe(duplex=False)
     kind, arguments = multiprocessing.get_context("fork").Process, (_send, (sending, here))
-    with stop_signals_blocked():
+    with stop_signals_blocked(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which the copy leaves
         kind(target=_begin, args=arguments, daemon=True).start()
     sending.close()
 

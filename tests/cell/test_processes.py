@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 import time
 
 import pytest
@@ -93,6 +94,18 @@ def test_a_copy_takes_over_work_that_no_other_process_could_be_sent() -> None:
     number, same = begin_in_copy(lambda: (os.getpid(), known is not None))()
     assert number != os.getpid()
     assert same
+
+
+def test_a_copy_is_made_beside_threads_without_a_warning() -> None:
+    """From Python 3.12 on fork warns of them, and warnings are errors here."""
+    wake = threading.Event()
+    other = threading.Thread(target=wake.wait)
+    other.start()
+    try:
+        assert begin_in_copy(divmod, 7, 2)() == (3, 1)
+    finally:
+        wake.set()
+        other.join()
 
 
 def test_work_of_a_copy_that_died_is_done_here() -> None:
