@@ -9,6 +9,8 @@ stands in the import report; what cannot be repaired is an error with file and l
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -52,7 +54,7 @@ from ballbar.acquisition.sources import (
 )
 from ballbar.acquisition.stamps.order import seconds
 from ballbar.cell.descriptions import Robot
-from ballbar.cell.errors import DescriptionError, LogError
+from ballbar.cell.errors import DescriptionError, InputError, LogError
 from ballbar.cell.file_units import METRES, RADIANS
 from ballbar.cell.instruments.base import Instrument
 from ballbar.cell.load import load_instrument, load_robot
@@ -136,6 +138,17 @@ def read_recording(folder: Path) -> Recording:
         tracker_log=tracker_log,
         folder=folder,
     )
+
+
+def readable(paths: Sequence[Path]) -> list[Path | Recording]:
+    """The recordings of folders that hold nothing else and are sound; the other paths as given."""
+    out: list[Path | Recording] = [*paths]
+    for k, path in enumerate(paths):
+        if (path / "recording.yaml").exists() and not (path / "poses.yaml").exists():
+            with suppress(InputError):
+                read = read_recording(path)
+                out[k] = path if read.description.followed else read
+    return out
 
 
 def _check_encoders(folder: Path, description: RecordingFile) -> None:

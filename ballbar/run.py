@@ -17,7 +17,7 @@ from ballbar.cell.extended_yaml import files_of
 from ballbar.cell.files import DESCRIPTIONS, claimed_folder, write_yaml
 from ballbar.cell.load import load_robot
 from ballbar.cell.pose_file import load_poses_file
-from ballbar.cell.processes import Begin
+from ballbar.cell.processes import Begin, begin_in_copy
 from ballbar.cell.recording import load_recording_file
 from ballbar.ident.options import SILENT, Listener
 from ballbar.result.identify import identified
@@ -183,7 +183,7 @@ def run_scenario(
         )
         for other in held_out:
             simulate_scenario(_held_out(scenario), scenario_file, other, progress=progress)
-        options, listener = scenario.identify.options, Listener(progress)
+        options, listener = scenario.identify.options, Listener(progress, begin_in_copy)
         data = identified([folder], held_out, options=options, listener=listener)
         comparison = against_simulation(data.identification, simulation)
         outcomes = [validation.outcome for validation in data.validations]

@@ -13,12 +13,14 @@ import signal
 import subprocess
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.util import find_spec
+from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -133,6 +135,40 @@ def second_process(*modules: str) -> Iterator[Begin]:
             return result
 
         yield begin
+
+
+def begin_in_copy(work: Callable[..., object], *arguments: object) -> Callable[[], Any]:
+    """Begins work in a copy of this process, made in milliseconds; only the result is sent.
+
+    The work neither prints nor waits for a thread, which the copy would not have. With one
+    processor, on another system than Linux, and where the work or its copy fails, it is done in
+    this process when the result is asked for.
+    """
+    here = partial(work, *arguments)
+    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2:
+        return here
+    receiving, sending = multiprocessing.Pipe(duplex=False)
+    kind, arguments = multiprocessing.get_context("fork").Process, (_send, (sending, here))
+    with stop_signals_blocked(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which the copy leaves
+        kind(target=_begin, args=arguments, daemon=True).start()
+    sending.close()
+
+    def result() -> object:
+        try:
+            return receiving.recv()
+        except EOFError:
+            return here()
+
+    return result
+
+
+def _send(sending: Connection, work: Callable[[], object]) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if sys.platform != "win32":  # which has neither masks nor copies
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    with suppress(Exception):  # raised again where the work is repeated
+        sending.send(work())
 
 
 def _import(modules: tuple[str, ...]) -> None:

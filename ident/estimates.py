@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,25 +76,27 @@ def result_of(
     options: FitOptions,
     orders: Sequence[JointOrder] = (),
     payload: PayloadEstimate | None = None,
+    begin: Callable[..., Callable[[], Any]] = partial,
 ) -> Identification:
     """The result of a fit of one or several recordings.
 
-    single : the dh fit of each. orders : of joint errors that were found by evidence.
+    single : the dh fit of each. orders : of joint errors that were found by evidence. begin : as of
+    Listener.
     """
     first, deviated = single[0], deviated_masses(cell, fit, payload)
-    stated, layout, complete = uncertainty(fit, deviated), fit.model.unknowns, fit is not first.fit
+    complete, layout = fit is not first.fit, fit.model.unknowns
+    agreed = begin(consistency, fit) if complete else lambda: AGREED  # kinematics lack too much
+    stated = uncertainty(fit, deviated, begin)
     best = moved(fit, stated.step)  # the rules ask what the fit itself had to do
     known = stated.information_gain > MOSTLY_PRIOR
     robot = replace(robot_estimate(cell, first, best, stated, known, deviated), payload=payload)
-    agreement = consistency(fit) if complete else AGREED  # kinematics alone lack too much
+    agreement = agreed()
     softer = 1.0 if payload else softer_gears(fit)
     if masses_in_doubt(softer):
         robot = with_doubt_of_masses(robot, softer)
+    stating = stated, known, options, rms(robot.tcp_sigma)
     estimates = tuple(
-        _recording(
-            cell, r, best, k if complete else 0, stated, known, options, rms(robot.tcp_sigma)
-        )
-        for k, r in enumerate(single)
+        _recording(cell, r, best, k if complete else 0, *stating) for k, r in enumerate(single)
     )
     statistics = FitStatistics(
         converged=fit.converged,
@@ -134,8 +138,7 @@ def result_of(
     verdict = judge(parts if poses is None else [*parts, Evidence(table=poses, elsewhere=True)])
     tested = verdict.status in UNEXPLAINED_FIT and not fit.given_up  # it is beside a fit
     if complete and tested and cell.ballbar.stroke is None:
-        names = [estimate.name for estimate in estimates]
-        contested = bool(closure.disagreement)
+        names, contested = [e.name for e in estimates], bool(closure.disagreement)
         named = payload is not None and payload.undeclared
         if cause := "" if named else beside_fit(cell, fit, names, contested=contested):
             verdict = replace(verdict, status=Status.MISFIT).with_cause(cause)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from ballbar.cell.descriptions import Cell
 from ballbar.cell.errors import InputError
@@ -67,7 +68,7 @@ def identify_together(
             f"{cell.robot.name}: one fit is of one robot. Identify them one by one."
         )
     try:
-        single = [fit_recording(cell, logs, options, listener) for logs in recordings]
+        single = _fitted_alone(cell, recordings, options, listener)
     except StartError as error:
         raise StartError(Causes.of(cell, recordings).before(error)) from None
     causes, still = None, None
@@ -91,6 +92,19 @@ def identify_together(
         if causes:
             result = replace(result, verdict=result.verdict.with_cause(str(causes)))
     return _with_trackers(result, recordings)
+
+
+def _fitted_alone(
+    cell: Cell, recordings: Sequence[Logs], options: FitOptions, listener: Listener
+) -> list[RecordingFit]:
+    """The `dh` fit of each recording, half of them meanwhile."""
+
+    def fits(some: Sequence[Logs], listener: Listener) -> list[RecordingFit]:
+        return [fit_recording(cell, logs, options, listener) for logs in some]
+
+    half = (len(recordings) + 1) // 2
+    others = listener.begin(fits, recordings[half:], SILENT) if recordings[half:] else list
+    return [*fits(recordings[:half], listener), *others()]
 
 
 def kinematic_result(cell: Cell, single: RecordingFit, options: FitOptions) -> Identification:
@@ -171,22 +185,23 @@ def _fitted(
     Kinematics of several recordings together, or of still poses and recordings, are the complete
     model without corrections.
     """
+    judged = partial(result_of, begin=listener.begin)
     together = len(single) > 1 or still is not None
     if options.model == "dh":
         if not together:
-            return result_of(cell, single, single[0].fit, options)
+            return judged(cell, single, single[0].fit, options)
         fit = fit_complete(cell, single, (), options, listener, still=still)
-        return result_of(cell, single, fit, options)
+        return judged(cell, single, fit, options)
     automatic = options.model == "auto" and options.corrections is None
     measures_length = cell.ballbar.stroke is not None
     if automatic and not any(map(_is_misfit, single)):
-        simple = [result_of(cell, [each], each.fit, options) for each in single]
+        simple = [judged(cell, [each], each.fit, options) for each in single]
         if not any(map(_asks_for_more, simple)):
             if not together and not _shares_errors(simple[0]):
                 return simple[0]
             extras = [] if measures_length else [rod_elongation(cell)]
             fit = fit_complete(cell, single, (), options, listener, extras, still)
-            result = result_of(cell, single, fit, options)
+            result = judged(cell, single, fit, options)
             if not together or result.verdict.status is Status.GOOD:
                 return result
     corrections, payload = supported_corrections(cell.robot, rod_sensed=measures_length), None
@@ -201,12 +216,12 @@ def _fitted(
     searched = automatic and bool(corrections) and not fit.given_up
     if searched:
         fit = fit_softening(cell, fit, listener)
-    result = result_of(cell, single, fit, options, payload=payload)
+    result = judged(cell, single, fit, options, payload=payload)
     if searched and may_have_joint_errors(result):
         with_errors, orders = fit_joint_errors(cell, fit, listener)
         if with_errors is not fit:
             fit = settled(with_errors, listener)
-            result = result_of(cell, single, fit, options, orders, payload=payload)
+            result = judged(cell, single, fit, options, orders, payload=payload)
     return result
 
 

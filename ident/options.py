@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Literal
+from functools import partial
+from typing import Any, Literal
 
 from ballbar.ident.corrections import CORRECTIONS
 
@@ -55,6 +56,8 @@ class Listener:
     """Callbacks of an identification."""
 
     progress: Callable[[str], None] = lambda _: None  # called with a sentence at each stage
+    # takes over work while other work is done here (ballbar.cell.processes)
+    begin: Callable[..., Callable[[], Any]] = partial
 
 
 DEFAULTS = FitOptions()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Generator
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,17 @@ from ballbar.cell.descriptions import Cell
 from ballbar.cell.geometry import Geometry, nominal_geometry
 from ballbar.cell.load import load_cell
 from tests.helpers.simulated_recordings import Recorded, record
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """No garbage is looked for among half a million objects of the imports: all of them stay."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")

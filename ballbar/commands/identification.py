@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -71,8 +72,9 @@ def identify(
         (none), or keep those of another result.
     --rerun : Write the replay file run.rrd as well.
     """
+    given = _begin_reading([*recordings, *(validate or [])])
     from ballbar.cell.files import claimed_folder
-    from ballbar.cell.processes import second_process
+    from ballbar.cell.processes import begin_in_copy, second_process
     from ballbar.result.names import OUTPUTS, REPLAY_MODULES
 
     options = _options(
@@ -94,8 +96,9 @@ def identify(
         from ballbar.report.terminal import budget_sentence, say_identification
         from ballbar.result.identify import identified
 
-        listener = Listener(progress)
-        run = identified(recordings, validate or [], options=options, listener=listener)
+        listener = Listener(progress, begin_in_copy)
+        things, count = given(), len(recordings)
+        run = identified(things[:count], things[count:], options=options, listener=listener)
         if not as_json:
             with progress.removed():
                 say_identification(out, run)
@@ -110,6 +113,14 @@ def identify(
         out.print(escape(sentence))
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if run.acceptable else 1)
+
+
+def _begin_reading(paths: list[Path]) -> Callable[[], Any]:
+    """Reads what can be read while this process loads what fits."""
+    from ballbar.acquisition.recording import readable
+    from ballbar.cell.processes import begin_in_copy
+
+    return begin_in_copy(readable, paths)
 
 
 def _say_json(run: RunData, folder: Path) -> None:

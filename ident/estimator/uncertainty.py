@@ -57,8 +57,9 @@ nearly cancel, so the x_m are kept, not their squares alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,12 +122,15 @@ class Uncertainty:
         return replace(self, covariance=self.covariance - self.doubt @ self.doubt.T)
 
 
-def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
+def uncertainty(
+    fit: Fit, deviated: Sequence[Cell] = (), begin: Callable[..., Callable[[], Array]] = partial
+) -> Uncertainty:
     """Autocorrelation-robust covariance of a fit, misfit included.
 
     deviated : cells with masses beside those that the fit took as given, as for
-        `considered_shifts`.
+        `considered_shifts`. begin : takes over work (ballbar.cell.processes).
     """
+    shifted = begin(considered_shifts, fit, deviated)
     layout, ripple = fit.model.unknowns, unlisted_ripple(fit)
     sigma, misfit = layout.sigma, max(1.0, fit.chi2_per_dof, ripple.noise)
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
@@ -143,7 +147,7 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     pulled = DOUBT * doubted_shift(fit, lengths.unknowns)
     doubt = np.column_stack((lengths.doubt, pulled))
     covariance = inflated + prior + doubt @ doubt.T + candidates @ candidates.T
-    shifts = considered_shifts(fit, deviated)
+    shifts = shifted()
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
     return Uncertainty(

@@ -25,6 +25,7 @@ from ballbar.cell.geometry import Geometry
 from ballbar.cell.placement import Placement
 from ballbar.cell.poses import PoseGroup, PoseTable
 from ballbar.cell.rigid_fit import nearest_rotation
+from ballbar.cell.rotation import inverse_left_jacobian
 from ballbar.ident.estimator.build_unknowns import bare_flange, still_unknowns
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.model import still_model
@@ -155,6 +156,26 @@ def _sighted(
             out.append((sight.directions * error).sum(axis=1).ravel())
         return np.concatenate(out)
 
+    def slope(x: Array, begun: Sequence[Placement]) -> Array:
+        """Seat and points that move together leave the residual, points alone change it by what
+        they move along the sensed directions.
+        """
+        turned = poses.rotation @ x[free * s :]
+        out = []
+        for j, (seat, own) in enumerate(zip(placed(x, begun), chosen, strict=True)):
+            points = poses.origin[own] + turned[own]
+            along = kind.sight(poses.values[own], seat, points.T).directions.transpose(0, 2, 1)
+            rows = np.zeros((*along.shape[:2], x.size))
+            change = rows[..., free * j : free * j + free]
+            change[..., :3] = along
+            if free == 6:
+                rate = x[free * j + 3 : free * j + 6, None]
+                back = inverse_left_jacobian(rate, np.eye(3)[:, :, None])[..., 0].T
+                change[..., 3:] = np.cross(points - seat.origin, along) @ np.linalg.inv(back)
+            rows[..., free * s :] = -np.einsum("dni,nij->dnj", along, poses.rotation[own])
+            out.append(rows.reshape(-1, x.size))
+        return np.concatenate(out)
+
     best, cost, target = list[Placement](), np.inf, np.zeros(3)
     for trial in (*(trials if known is None else known.origin[None]), None):
         # once more from the best: where a wrong target hid it, a seat may stand the other way round
@@ -167,6 +188,7 @@ def _sighted(
         fitted = least_squares(
             residual,
             np.concatenate((np.zeros(free * s), begin)),
+            slope,
             loss="soft_l1",
             f_scale=2e-3,
             max_nfev=60,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ballbar.acquisition.flags import RowFlag
-from ballbar.acquisition.recording import read_recording
+from ballbar.acquisition.recording import Recording, read_recording, readable
 from ballbar.acquisition.report import report_lines
 from ballbar.cell.dialect import dialect_names, load_dialect
 from ballbar.cell.errors import DescriptionError, InputError, LogError
@@ -52,6 +52,18 @@ def test_both_logs_are_read_as_the_angles_that_were_recorded(tmp_path: Path) -> 
     assert [
         (file.file, file.source, file.rows_read, file.rows_kept) for file in recording.report.files
     ] == [("raw/robot.csv", "robot", 800, 800), ("raw/ballbar.csv", "ballbar", 300, 300)]
+
+
+def test_what_is_no_sound_recording_is_left_to_who_tells_what_is_wrong(tmp_path: Path) -> None:
+    for name in ("sound", "torn", "both"):
+        (tmp_path / name).mkdir()
+    sound, torn = write(tmp_path / "sound"), write(tmp_path / "torn")
+    (torn / "raw" / "robot.csv").write_text("torn")
+    both = write(tmp_path / "both")
+    (both / "poses.yaml").write_text("")
+    read, *others = readable([sound, torn, both, tmp_path / "none", sound / "recording.yaml"])
+    assert isinstance(read, Recording)
+    assert others == [torn, both, tmp_path / "none", sound / "recording.yaml"]
 
 
 def test_any_subset_of_encoders_is_read_from_its_declared_columns(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from ballbar.ident.options import FitOptions
 from ballbar.result.identify import identify
 from ballbar.scenario import load_scenario
 from ballbar.truth.compare import identification_against_truth
-from tests.helpers.simulated_recordings import Recorded, record
+from tests.helpers.simulated_recordings import Recorded, lissajous, record
 
 OF = {name: load_dialect(name).source for name in dialect_names()}
 ROBOTS = [name for name, source in OF.items() if source == "robot"]
@@ -34,9 +34,10 @@ COARSE = {"abb-libegm": (1e-5, 3e-5), "abb-mpe": (2e-7, 4e-6)}
 
 
 def logged(folder: Path, **logs: Any) -> Recorded:
-    """A minute of the kinematic plant without noise of the robot."""
+    """Half a minute of the kinematic plant without noise of the robot."""
     return record(
         folder / "recording",
+        path=lissajous("paths/irb2400_a.yaml", 30.0),
         plant={"kind": "kinematic"},
         errors={"static": {"table": "thesis_3_1"}},
         clocks={"offset_s": 0.137, "skew": 5e-5},

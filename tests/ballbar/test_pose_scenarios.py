@@ -252,7 +252,7 @@ def test_drift_shows_in_lengths_too_seat_by_seat(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_simulate_writes_what_identify_reads(tmp_path: Path) -> None:
     folder = tmp_path / "poses"
-    code, out, _ = ballbar("simulate", "panda_sockets", "--out", folder)
+    code, out, _ = ballbar("simulate", "ur10e_tracker_reference", "--out", folder)
     assert code == 0
     assert "truth" in out
     assert (tmp_path / "poses.truth.yaml").is_file()

@@ -5,11 +5,12 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 import time
 
 import pytest
 
-from ballbar.cell.processes import Begin, second_process
+from ballbar.cell.processes import Begin, begin_in_copy, second_process
 
 PATIENCE = 300.0  # [s] for a process to start
 
@@ -82,3 +83,55 @@ def test_ctrl_c_while_it_still_imports_says_nothing(capfd: pytest.CaptureFixture
             time.sleep(0.02)
         assert helper.is_alive()
     assert capfd.readouterr().err == ""
+
+
+TWO = len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) > 1  # processors
+
+
+@pytest.mark.skipif(not TWO, reason="copies are made on Linux with two processors")
+def test_a_copy_takes_over_work_that_no_other_process_could_be_sent() -> None:
+    known = object()
+    number, same = begin_in_copy(lambda: (os.getpid(), known is not None))()
+    assert number != os.getpid()
+    assert same
+
+
+def test_a_copy_is_made_beside_threads_without_a_warning() -> None:
+    """From Python 3.12 on fork warns of them, and warnings are errors here."""
+    wake = threading.Event()
+    other = threading.Thread(target=wake.wait)
+    other.start()
+    try:
+        assert begin_in_copy(divmod, 7, 2)() == (3, 1)
+    finally:
+        wake.set()
+        other.join()
+
+
+def test_work_of_a_copy_that_died_is_done_here() -> None:
+    here = os.getpid()
+
+    def work() -> int:
+        if os.getpid() != here:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return 5
+
+    assert begin_in_copy(work)() == 5
+
+
+def test_an_error_in_a_copy_is_raised_where_its_result_is_needed() -> None:
+    with pytest.raises(ZeroDivisionError):
+        begin_in_copy(divmod, 1, 0)()
+
+
+def test_ctrl_c_does_not_reach_a_copy_and_the_end_of_its_process_does() -> None:
+    asleep = begin_in_copy(time.sleep, PATIENCE)
+    for copy in multiprocessing.active_children():
+        if copy.pid is not None:
+            os.kill(copy.pid, signal.SIGINT)
+            time.sleep(0.2)
+            assert copy.is_alive()
+            copy.terminate()
+            copy.join(PATIENCE)
+            assert copy.exitcode == -signal.SIGTERM
+    assert callable(asleep)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import time
 import venv
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -33,6 +36,50 @@ def run(*command: object, cwd: Path) -> str:
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
+
+
+COMMANDS = """
+import io, json, sys
+from contextlib import redirect_stderr, redirect_stdout
+from ballbar.commands import cli
+
+for line in sys.stdin:
+    sys.argv, said, code = ["ballbar", *json.loads(line)], io.StringIO(), 0
+    with redirect_stdout(said), redirect_stderr(said):
+        try:
+            cli.main()
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+    print(json.dumps([code, said.getvalue()]), flush=True)
+"""
+
+
+@contextmanager
+def commands_of(python: Path, cwd: Path) -> Iterator[Callable[..., str]]:
+    """A function that runs a command of an interpreter's package and returns what it prints.
+
+    All commands run in one process, which imports once. It fails with their errors.
+    """
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    with subprocess.Popen(
+        [python, "-c", COMMANDS],
+        cwd=cwd,
+        env=environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+
+        def say(*words: object) -> str:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            process.stdin.write(json.dumps(list(map(str, words))) + "\n")
+            process.stdin.flush()
+            code, said = json.loads(process.stdout.readline())
+            assert code == 0, said
+            return str(said)
+
+        yield say
 
 
 def copied(folder: Path) -> Path:

@@ -162,8 +162,7 @@ def test_a_mirror_image_is_refused(tmp_path: Path, of: str) -> None:
         import_poses(write(replace(drawn, pixels=pixels), tmp_path))
 
 
-@pytest.mark.parametrize("axes", [(3, 4), (1, 2)])
-@pytest.mark.parametrize("carried", [False, True])
+@pytest.mark.parametrize(("axes", "carried"), [((3, 4), False), ((1, 2), True)])
 def test_exchanged_joint_columns_are_not_good(
     tmp_path: Path, axes: tuple[int, int], *, carried: bool
 ) -> None:
@@ -177,8 +176,7 @@ def test_exchanged_joint_columns_are_not_good(
     assert estimate.identified_robot().sigma(drawn.q[:0]).shape == (0,)  # of no pose there is none
 
 
-@pytest.mark.parametrize("other", [11, 30])
-@pytest.mark.parametrize("carried", [False, True])
+@pytest.mark.parametrize(("other", "carried"), [(11, False), (30, True)])
 def test_two_exchanged_pictures_are_named_and_do_no_harm(
     tmp_path: Path, other: int, *, carried: bool
 ) -> None:

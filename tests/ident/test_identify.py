@@ -410,13 +410,13 @@ def test_a_fit_of_two_robots_is_given_up_and_says_so() -> None:
         minute_logs(true=TRUE, compliance=1.0, seed=1),
         minute_logs(true=other, compliance=1.0, seed=2),
     ]
-    result = identify_together(CELL, logs, options=FitOptions(samples=600))
+    result = identify_together(CELL, logs, options=FitOptions(samples=300))
     assert result.verdict.status is Status.MISFIT
     assert "recording 2 is not of the same machine" in result.verdict.sentence
     by_kinematics = 10  # iterations at most
     most = by_kinematics + complete_fit.PATIENCE + 2 * complete_fit.ROUGH
     assert result.fit.iterations <= most
-    alone = identify(CELL, logs[1].robot, logs[1].ballbar, options=FitOptions(samples=600))
+    alone = identify(CELL, logs[1].robot, logs[1].ballbar, options=FitOptions(samples=300))
     assert alone.verdict.acceptable
 
 
@@ -427,7 +427,7 @@ def test_a_replayed_block_of_rows_ends_before_the_complete_fit() -> None:
     q[n // 2 : n // 2 + 500] = q[n // 4 : n // 4 + 500]
     replayed = replace(logs, robot=replace(logs.robot, q=q))
     stages: list[str] = []
-    options, listener = FitOptions(samples=600), Listener(stages.append)
+    options, listener = FitOptions(samples=300), Listener(stages.append)
     result = identify_together(CELL, [replayed], options=options, listener=listener)
     assert result.verdict.status is Status.IMPLAUSIBLE
     with pytest.raises(StartError, match=r"first: "):

@@ -30,7 +30,7 @@ from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 JOINT, ORDER, SIZE = 1, 17, 2.5e-4  # from 0, cycles a turn, [rad]
-OPTIONS, FEW = FitOptions(samples=600), FitOptions(samples=250)
+OPTIONS, FEW = FitOptions(samples=400), FitOptions(samples=250)
 # The machine of the logs: gears as of the file, and a rod that does not yield.
 RIGID = {"rod_stiffness": 1e10, "joint_stiffness": (1e10, 1e10), "joint_backlash": (5e-9, 5e-9)}
 MACHINE = replace(CELL, ballbar=replace(CELL.ballbar, **RIGID))

@@ -14,6 +14,7 @@ from tests.independent.recording import Faults, Plan, record_path
 
 SEEDS = (2,)
 OFTEN = ("columns of encoders b1", "motion of axis 3", "not as long", "rd4")
+MINUTE = 60.0  # [s]
 SECOND = 1  # path that leaves the axes within their limits even where two are exchanged
 CAUSES = {
     "the columns of encoders b1 and b2 are exchanged": Faults(swapped=(1, 2)),
@@ -38,7 +39,7 @@ SOUND = {
 
 
 def named(folder: Path, seed: int, faults: Faults) -> list[str]:
-    record_path(Plan(seed), SECOND, folder, faults)
+    record_path(Plan(seed, duration=MINUTE), SECOND, folder, faults)
     return causes_of(folder)
 
 

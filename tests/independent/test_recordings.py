@@ -13,6 +13,7 @@ import pytest
 from ballbar import identify
 from ballbar.cell.geometry import bar_frames, nominal_geometry, robot_frames
 from ballbar.cell.load import load_cell
+from ballbar.ident.options import FitOptions
 from tests.helpers.independent_truth import true_geometry
 from tests.independent.machine import POSITION, Effects, drawn, files, nominal
 from tests.independent.path import FIRST, path
@@ -112,7 +113,8 @@ def test_a_machine_with_every_ordinary_error_is_identified_as_well_as_stated(
     tmp_path: Path,
 ) -> None:
     truth = record(Plan(1, duration=SHORT), tmp_path)[0]
-    found = identify(tmp_path / "1", tmp_path / "2").data.identification
+    options = FitOptions(samples=600)
+    found = identify(tmp_path / "1", tmp_path / "2", options=options).data.identification
     q = accuracy_box(files())
     error = aligned_distance(found.robot.identified.tool(q), truth.tool(q))
     assert found.verdict.acceptable

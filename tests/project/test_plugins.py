@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ import pytest
 from ballbar.cell.files import write_yaml
 from ballbar.cell.strict_yaml import load_yaml
 from tests.helpers.source_imports import ROOT
-from tests.helpers.wheels import OFFLINE, python, run
+from tests.helpers.wheels import OFFLINE, commands_of, python, run
 
 __all__ = ["python"]  # fixture: ballbar by its wheel, alone in an environment
 pytestmark = pytest.mark.slow
@@ -81,9 +81,10 @@ def folder(python: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def ballbar(python: Path, folder: Path) -> Ballbar:
-    """Standard output of the installed command, which succeeds."""
-    return lambda *words: run(python.with_name("ballbar"), *words, cwd=folder)
+def ballbar(python: Path, folder: Path) -> Iterator[Ballbar]:
+    """Standard output of a command of the environment, which succeeds."""
+    with commands_of(python, folder) as say:
+        yield say
 
 
 @pytest.fixture(scope="module")
@@ -109,10 +110,12 @@ def test_the_example_is_short() -> None:
 
 
 def test_an_instrument_of_a_plugin_identifies_a_robot_at_still_poses(
-    ballbar: Ballbar, folder: Path
+    python: Path, folder: Path
 ) -> None:
+    """By the installed command, in a process of its own."""
     (folder / "cameras.yaml").write_text(STILL)
-    assert "Good fit" in ballbar("run", "cameras.yaml", "--out", "cameras")
+    installed = python.with_name("ballbar")
+    assert "Good fit" in run(installed, "run", "cameras.yaml", "--out", "cameras", cwd=folder)
     assert "camera readings" in (folder / "cameras/report.html").read_text()
 
 
@@ -149,12 +152,12 @@ def test_help_and_schema_name_what_plugins_add(ballbar: Ballbar, folder: Path) -
     assert "Cycles per turn of the axis." in schema
 
 
-def test_keys_that_no_plugin_has_are_refused(python: Path, folder: Path) -> None:
+def test_keys_that_no_plugin_has_are_refused(ballbar: Ballbar, folder: Path) -> None:
     wrong = {"belt_ripple:": "belt_riple:", "amplitude_rad": "amplitud_rad"}
     for key, other in wrong.items():
         (folder / "wrong.yaml").write_text(MOVING.replace(key, other))
         with pytest.raises(AssertionError, match=f"Did you mean {key.strip(':')}"):
-            run(python.with_name("ballbar"), "simulate", "wrong.yaml", "--out", "w", cwd=folder)
+            ballbar("simulate", "wrong.yaml", "--out", "w")
 
 
 def test_a_recording_in_a_container_of_a_plugin_is_the_same_recording(

@@ -21,7 +21,7 @@ def test_the_tool_of_a_large_robot_that_sags_is_not_found_lighter_than_nothing(
 ) -> None:
     # Kinematics alone had all lengths of this robot 0.4 to 1 % too long, up to 14 mm; the torques
     # then told of a tool of -21 kg on an arm 30 % too heavy, and a sound machine was a misfit.
-    cell, logs, truth = recorded(scenario_of("nj220", "b", 17, 120.0), tmp_path)
+    cell, logs, truth = recorded(scenario_of("nj220", "b", 17, 60.0), tmp_path)
     fit = fit_recording(cell, logs, FitOptions(force="torque"))
     off = [fit.geometry[name] - truth.geometry[name] for name in LENGTHS]
     built = [fit.as_built[name] - truth.geometry[name] for name in LENGTHS]
