@@ -74,6 +74,8 @@ REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensor
 # Factor between the extents of an LED's path and of the flange's; units differ by more, and an LED
 # is no further from the flange than the flange moves
 SIMILAR_EXTENT, EXTENT_ROWS = 10.0, 500
+# [bytes] of a folder, an hour of text: what another process reads is in memory several times
+LARGE = 100_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +143,16 @@ def read_recording(folder: Path) -> Recording:
 
 
 def readable(paths: Sequence[Path]) -> list[Path | Recording]:
-    """The recordings of folders that hold nothing else and are sound; the other paths as given."""
+    """The recordings of folders that hold nothing else, are sound and not LARGE; the other paths as
+    given.
+    """
     out: list[Path | Recording] = [*paths]
     for k, path in enumerate(paths):
         if (path / "recording.yaml").exists() and not (path / "poses.yaml").exists():
-            with suppress(InputError):
+            sizes = (file.stat().st_size for file in path.rglob("*") if file.is_file())
+            with suppress(InputError, OSError):
+                if sum(sizes) > LARGE:
+                    continue
                 read = read_recording(path)
                 out[k] = path if read.description.followed else read
     return out

@@ -141,8 +141,8 @@ def begin_in_copy(work: Callable[..., object], *arguments: object) -> Callable[[
     """Begins work in a copy of this process, made in milliseconds; only the result is sent.
 
     The work neither prints nor waits for a thread, which the copy would not have. With one
-    processor, on another system than Linux, and where the work or its copy fails, it is done in
-    this process when the result is asked for.
+    processor, on another system than Linux, in a process that may have no others (a daemon), and
+    where the work or its copy fails, it is done in this process when the result is asked for.
     """
     here = partial(work, *arguments)
     if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2:
@@ -151,7 +151,8 @@ def begin_in_copy(work: Callable[..., object], *arguments: object) -> Callable[[
     kind, arguments = multiprocessing.get_context("fork").Process, (_send, (sending, here))
     with stop_signals_blocked(), warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which the copy leaves
-        kind(target=_begin, args=arguments, daemon=True).start()
+        with suppress(OSError, AssertionError):  # no memory, or a daemon: nothing will be received
+            kind(target=_begin, args=arguments, daemon=True).start()
     sending.close()
 
     def result() -> object:

@@ -40,6 +40,7 @@ from ballbar.ident.verdict import UNEXPLAINED, Status, implausible, noise_status
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 LEFT_OUT = "the points of the tracker were left out: ball-bar and tracker together fit worse"
+LONG = 1_000_000  # rows, an hour: what another process fits is in memory several times
 PAYLOAD_TIMES = 6000  # of torque from which masses are found; those of 8 min
 
 
@@ -97,12 +98,13 @@ def identify_together(
 def _fitted_alone(
     cell: Cell, recordings: Sequence[Logs], options: FitOptions, listener: Listener
 ) -> list[RecordingFit]:
-    """The `dh` fit of each recording, half of them meanwhile."""
+    """The `dh` fit of each recording; half of them meanwhile, where none is LONG."""
 
     def fits(some: Sequence[Logs], listener: Listener) -> list[RecordingFit]:
         return [fit_recording(cell, logs, options, listener) for logs in some]
 
-    half = (len(recordings) + 1) // 2
+    short = all(logs.robot.t.size < LONG for logs in recordings)
+    half = (len(recordings) + 1) // 2 if short else len(recordings)
     others = listener.begin(fits, recordings[half:], SILENT) if recordings[half:] else list
     return [*fits(recordings[:half], listener), *others()]
 

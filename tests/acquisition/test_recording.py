@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballbar.acquisition import recording as reading
 from ballbar.acquisition.flags import RowFlag
 from ballbar.acquisition.recording import Recording, read_recording, readable
 from ballbar.acquisition.report import report_lines
@@ -54,7 +55,9 @@ def test_both_logs_are_read_as_the_angles_that_were_recorded(tmp_path: Path) -> 
     ] == [("raw/robot.csv", "robot", 800, 800), ("raw/ballbar.csv", "ballbar", 300, 300)]
 
 
-def test_what_is_no_sound_recording_is_left_to_who_tells_what_is_wrong(tmp_path: Path) -> None:
+def test_what_is_no_sound_recording_is_left_to_who_tells_what_is_wrong(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in ("sound", "torn", "both"):
         (tmp_path / name).mkdir()
     sound, torn = write(tmp_path / "sound"), write(tmp_path / "torn")
@@ -64,6 +67,8 @@ def test_what_is_no_sound_recording_is_left_to_who_tells_what_is_wrong(tmp_path:
     read, *others = readable([sound, torn, both, tmp_path / "none", sound / "recording.yaml"])
     assert isinstance(read, Recording)
     assert others == [torn, both, tmp_path / "none", sound / "recording.yaml"]
+    monkeypatch.setattr(reading, "LARGE", 1000)
+    assert readable([sound]) == [sound], "what is large is read where it is needed"
 
 
 def test_any_subset_of_encoders_is_read_from_its_declared_columns(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import multiprocessing
 import os
 import signal
@@ -122,6 +123,17 @@ def test_work_of_a_copy_that_died_is_done_here() -> None:
 def test_an_error_in_a_copy_is_raised_where_its_result_is_needed() -> None:
     with pytest.raises(ZeroDivisionError):
         begin_in_copy(divmod, 1, 0)()
+
+
+def test_where_no_copy_can_be_made_the_work_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused() -> int:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(os, "fork", refused)
+    assert begin_in_copy(os.getpid)() == os.getpid()
+    monkeypatch.undo()
+    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)  # type: ignore[attr-defined]
+    assert begin_in_copy(os.getpid)() == os.getpid()
 
 
 def test_ctrl_c_does_not_reach_a_copy_and_the_end_of_its_process_does() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ballbar.cell.load import load_cell
 from ballbar.cell.logs import BallBarLog, RobotLog
 from ballbar.cell.statistics import rms
 from ballbar.ident import complete_fit
+from ballbar.ident import identify as identifying
 from ballbar.ident.complete_fit import fit_pose
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.identify import identify_together
@@ -50,6 +52,29 @@ def run(recorded: Recorded, samples: int = 600) -> RunData:
 
 def identified(recorded: Recorded, samples: int = 600) -> Identification:
     return run(recorded, samples).identification
+
+
+@pytest.mark.parametrize(
+    ("rows", "handed_over"), [((9, 9), [1]), ((9, 9, 9), [2]), ((9,), []), ((9, 11), [])]
+)
+def test_half_of_the_recordings_are_fitted_meanwhile_where_none_is_long(
+    monkeypatch: pytest.MonkeyPatch, rows: tuple[int, ...], handed_over: list[int]
+) -> None:
+    logs: list[Any] = [
+        SimpleNamespace(number=k, robot=SimpleNamespace(t=np.zeros(n))) for k, n in enumerate(rows)
+    ]
+    given = []
+
+    def begin(work: Any, some: Any, listener: Listener) -> Any:
+        given.extend(each.number for each in some)
+        return lambda: work(some, listener)
+
+    monkeypatch.setattr(identifying, "LONG", 10)
+    monkeypatch.setattr(identifying, "fit_recording", lambda _cell, each, *_: each.number)
+    listener = Listener(begin=begin)
+    found = identifying._fitted_alone(CELL, logs, FitOptions(), listener)
+    assert found == list(range(len(rows))), "in their order"
+    assert given == handed_over
 
 
 def only(result: Identification) -> RecordingEstimate:
