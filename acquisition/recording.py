@@ -151,10 +151,8 @@ def readable(paths: Sequence[Path]) -> list[Path | Recording]:
         if (path / "recording.yaml").exists() and not (path / "poses.yaml").exists():
             sizes = (file.stat().st_size for file in path.rglob("*") if file.is_file())
             with suppress(InputError, OSError):
-                if sum(sizes) > LARGE:
-                    continue
-                read = read_recording(path)
-                out[k] = path if read.description.followed else read
+                if sum(sizes) <= LARGE and not load_recording_file(path).followed:
+                    out[k] = read_recording(path)
     return out
 
 

@@ -145,13 +145,14 @@ def begin_in_copy(work: Callable[..., object], *arguments: object) -> Callable[[
     where the work or its copy fails, it is done in this process when the result is asked for.
     """
     here = partial(work, *arguments)
-    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2:
+    alone = sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2
+    if alone or multiprocessing.current_process().daemon:
         return here
     receiving, sending = multiprocessing.Pipe(duplex=False)
     kind, arguments = multiprocessing.get_context("fork").Process, (_send, (sending, here))
     with stop_signals_blocked(), warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which the copy leaves
-        with suppress(OSError, AssertionError):  # no memory, or a daemon: nothing will be received
+        with suppress(OSError):  # no memory: nothing will be received
             kind(target=_begin, args=arguments, daemon=True).start()
     sending.close()
 

@@ -74,6 +74,12 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
     return np.asarray(np.einsum("ijn,...jn->...in", matrix, vectors))
 
 
+def left_jacobian(rotvec: Array) -> Array:
+    """(3, 3) J_l(phi): angular velocity in base coordinates per rate of phi (3,) [rad]."""
+    columns = inverse_left_jacobian(rotvec[:, None], np.eye(3)[:, :, None])[:, :, 0]
+    return np.asarray(np.linalg.inv(columns.T))
+
+
 def roll_pitch_yaw(rotation: Array) -> Array:
     """(3,) [rad] roll, pitch, yaw of a rotation matrix (3, 3) = Rz(yaw) Ry(pitch) Rx(roll).
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,9 @@ from ballbar.ident.table_fit import added_table
 from ballbar.ident.tracker import check_tracker
 from ballbar.ident.verdict import Status
 
+if TYPE_CHECKING:
+    from ballbar.cell.processes import Begin
+
 # Of a complete fit, whose residual may show a cause
 UNEXPLAINED_FIT = (Status.MISFIT, Status.SUSPECT)
 # Unexplained part of still poses, in units of what is stated of instrument or tool, that is named
@@ -76,7 +79,7 @@ def result_of(
     options: FitOptions,
     orders: Sequence[JointOrder] = (),
     payload: PayloadEstimate | None = None,
-    begin: Callable[..., Callable[[], Any]] = partial,
+    begin: Begin = partial,
 ) -> Identification:
     """The result of a fit of one or several recordings.
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from ballbar.ident.corrections import CORRECTIONS
+
+if TYPE_CHECKING:
+    from ballbar.cell.processes import Begin
 
 DEFAULT_SAMPLES = 1500  # thesis sec. 3.5
 
@@ -56,8 +59,7 @@ class Listener:
     """Callbacks of an identification."""
 
     progress: Callable[[str], None] = lambda _: None  # called with a sentence at each stage
-    # takes over work while other work is done here (ballbar.cell.processes)
-    begin: Callable[..., Callable[[], Any]] = partial
+    begin: Begin = partial  # takes over work while other work is done here
 
 
 DEFAULTS = FitOptions()

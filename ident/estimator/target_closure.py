@@ -21,7 +21,7 @@ from ballbar.cell.chain import Frames, cross, joint_screws, screw
 from ballbar.cell.geometry import Parameter
 from ballbar.cell.instruments.base import Kind, Sight
 from ballbar.cell.placement import Placement
-from ballbar.cell.rotation import inverse_left_jacobian, rotvec_from_matrix
+from ballbar.cell.rotation import inverse_left_jacobian, left_jacobian, rotvec_from_matrix
 from ballbar.ident.corrections.base import BAR, BEHIND_GEARS, GEAR
 
 
@@ -168,7 +168,5 @@ def _of_rotation_vector(columns: Array, change: Array, side: float) -> Array:
     side : 1 where the vector turns about the outer axes, -1 about the inner ones.
     """
     if len(columns) == 6:
-        rotvec = side * change[3:, None]
-        turning = np.linalg.inv(inverse_left_jacobian(rotvec, np.eye(3)[:, :, None])[:, :, 0].T)
-        columns[3:] = np.einsum("ij,icn->jcn", turning, columns[3:])
+        columns[3:] = np.einsum("ij,icn->jcn", left_jacobian(side * change[3:]), columns[3:])
     return columns

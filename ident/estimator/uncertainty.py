@@ -57,9 +57,10 @@ nearly cancel, so the x_m are kept, not their squares alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,9 @@ from ballbar.ident.estimator.time_blocks import BLOCK, each_block
 from ballbar.ident.estimator.unknowns import Unknowns
 from ballbar.ident.estimator.unlisted_ripple import RandomRipple, unlisted_ripple
 from ballbar.ident.loads.gear_loads import mass_model
+
+if TYPE_CHECKING:
+    from ballbar.cell.processes import Begin
 
 STRONG = 0.9  # correlation from which two unknowns are named together
 KNOWN = 5e-5  # [m] standard deviation up to which a length is known beforehand
@@ -122,9 +126,7 @@ class Uncertainty:
         return replace(self, covariance=self.covariance - self.doubt @ self.doubt.T)
 
 
-def uncertainty(
-    fit: Fit, deviated: Sequence[Cell] = (), begin: Callable[..., Callable[[], Array]] = partial
-) -> Uncertainty:
+def uncertainty(fit: Fit, deviated: Sequence[Cell] = (), begin: Begin = partial) -> Uncertainty:
     """Autocorrelation-robust covariance of a fit, misfit included.
 
     deviated : cells with masses beside those that the fit took as given, as for

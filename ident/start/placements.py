@@ -25,7 +25,7 @@ from ballbar.cell.geometry import Geometry
 from ballbar.cell.placement import Placement
 from ballbar.cell.poses import PoseGroup, PoseTable
 from ballbar.cell.rigid_fit import nearest_rotation
-from ballbar.cell.rotation import inverse_left_jacobian
+from ballbar.cell.rotation import left_jacobian
 from ballbar.ident.estimator.build_unknowns import bare_flange, still_unknowns
 from ballbar.ident.estimator.fit import Fit
 from ballbar.ident.estimator.model import still_model
@@ -169,9 +169,8 @@ def _sighted(
             change = rows[..., free * j : free * j + free]
             change[..., :3] = along
             if free == 6:
-                rate = x[free * j + 3 : free * j + 6, None]
-                back = inverse_left_jacobian(rate, np.eye(3)[:, :, None])[..., 0].T
-                change[..., 3:] = np.cross(points - seat.origin, along) @ np.linalg.inv(back)
+                turning = left_jacobian(x[free * j + 3 : free * j + 6])
+                change[..., 3:] = np.cross(points - seat.origin, along) @ turning
             rows[..., free * s :] = -np.einsum("dni,nij->dnj", along, poses.rotation[own])
             out.append(rows.reshape(-1, x.size))
         return np.concatenate(out)

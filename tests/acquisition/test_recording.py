@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -67,6 +68,11 @@ def test_what_is_no_sound_recording_is_left_to_who_tells_what_is_wrong(
     read, *others = readable([sound, torn, both, tmp_path / "none", sound / "recording.yaml"])
     assert isinstance(read, Recording)
     assert others == [torn, both, tmp_path / "none", sound / "recording.yaml"]
+    followed = SimpleNamespace(followed=True)
+    with monkeypatch.context() as patch:
+        patch.setattr(reading, "load_recording_file", lambda _: followed)
+        patch.setattr(reading, "read_recording", lambda _: pytest.fail("read twice"))
+        assert readable([sound]) == [sound], "its poses are read in another way"
     monkeypatch.setattr(reading, "LARGE", 1000)
     assert readable([sound]) == [sound], "what is large is read where it is needed"
 

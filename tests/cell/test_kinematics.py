@@ -24,6 +24,7 @@ from ballbar.cell.inverse import UnreachableError, bar_angles, refine
 from ballbar.cell.load import load_cell
 from ballbar.cell.rotation import (
     inverse_left_jacobian,
+    left_jacobian,
     matrix_from_rotvec,
     quat_wxyz,
     rotvec_from_matrix,
@@ -113,6 +114,14 @@ def test_a_turn_on_the_left_changes_the_rotation_vector_by_the_inverse_left_jaco
         base = Rotation.from_rotvec(rotvec.T).as_rotvec().T
         numeric = (moved[0].as_rotvec() - moved[1].as_rotvec()).T / (2 * STEP)
         assert np.abs(inverse_left_jacobian(base, turn) - numeric).max() < 1e-8
+
+
+@pytest.mark.parametrize("size", [1e-6, 0.3, 2.5])
+def test_a_rotation_vector_that_changes_turns_by_the_left_jacobian(size: float) -> None:
+    rotvec, rate = np.random.default_rng(4).normal(0.0, 1.0, (2, 3)) * [[size], [1.0]]
+    ends = [Rotation.from_rotvec(rotvec + s * STEP * rate) for s in (1, -1)]
+    numeric = (ends[0] * ends[1].inv()).as_rotvec() / (2 * STEP)
+    assert np.abs(left_jacobian(rotvec) @ rate - numeric).max() < 1e-8
 
 
 def test_a_quaternion_is_that_of_mujoco_to_the_last_digit() -> None:

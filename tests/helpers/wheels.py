@@ -38,25 +38,29 @@ def run(*command: object, cwd: Path) -> str:
     return done.stdout
 
 
+# Commands as lists of words, a line each, to exit code, standard output and error, a line each. Its
+# arguments are folders of packages.
 COMMANDS = """
 import io, json, sys
 from contextlib import redirect_stderr, redirect_stdout
+sys.path[:0] = sys.argv[1:]
 from ballbar.commands import cli
 
 for line in sys.stdin:
-    sys.argv, said, code = ["ballbar", *json.loads(line)], io.StringIO(), 0
-    with redirect_stdout(said), redirect_stderr(said):
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    sys.argv[:] = ["ballbar", *json.loads(line)]
+    with redirect_stdout(out), redirect_stderr(err):
         try:
             cli.main()
         except SystemExit as stop:
             code = int(stop.code or 0)
-    print(json.dumps([code, said.getvalue()]), flush=True)
+    print(json.dumps([code, out.getvalue(), err.getvalue()]), flush=True)
 """
 
 
 @contextmanager
 def commands_of(python: Path, cwd: Path) -> Iterator[Callable[..., str]]:
-    """A function that runs a command of an interpreter's package and returns what it prints.
+    """A function that runs a command of an interpreter's package and returns its standard output.
 
     All commands run in one process, which imports once. It fails with their errors.
     """
@@ -75,9 +79,9 @@ def commands_of(python: Path, cwd: Path) -> Iterator[Callable[..., str]]:
             assert process.stdout is not None
             process.stdin.write(json.dumps(list(map(str, words))) + "\n")
             process.stdin.flush()
-            code, said = json.loads(process.stdout.readline())
-            assert code == 0, said
-            return str(said)
+            code, out, err = json.loads(process.stdout.readline())
+            assert code == 0, out + err
+            return str(out)
 
         yield say
 

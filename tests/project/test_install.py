@@ -21,6 +21,7 @@ from packaging.utils import canonicalize_name
 from tests.helpers.command_line import output
 from tests.helpers.simulated_recordings import Recorded
 from tests.helpers.source_imports import ROOT
+from tests.helpers.wheels import COMMANDS
 
 PLAIN = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
 SMALL = [
@@ -28,25 +29,6 @@ SMALL = [
     for line in (ROOT / "requirements-identify.txt").read_text().splitlines()
     if not line.startswith("#")
 ]
-
-
-ONE_BY_ONE = """
-import io, json, sys
-from contextlib import redirect_stderr, redirect_stdout
-sys.path[:0] = [{!r}]
-from ballbar.commands import cli
-done = []
-for words in {}:
-    out, err, code = io.StringIO(), io.StringIO(), 0
-    sys.argv[:] = ["ballbar", *words]
-    with redirect_stdout(out), redirect_stderr(err):
-        try:
-            cli.main()
-        except SystemExit as stop:
-            code = int(stop.code or 0)
-    done.append((code, out.getvalue(), err.getvalue()))
-print(json.dumps(done))
-"""
 
 
 def closure(requirements: list[str]) -> set[str]:
@@ -96,16 +78,16 @@ class Done(NamedTuple):
 
 def small(packages: Path, *commands: Sequence[object]) -> list[Done]:
     """Commands, one after the other, of an interpreter that sees no other packages."""
-    program = ONE_BY_ONE.format(str(packages), [list(map(str, words)) for words in commands])
     done = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", program],
+        [sys.executable, "-I", "-S", "-c", COMMANDS, packages],
+        input="".join(json.dumps(list(map(str, words))) + "\n" for words in commands),
         env=os.environ | {"COLUMNS": "400"},
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return [Done(*each) for each in json.loads(done.stdout)]
+    return [Done(*json.loads(line)) for line in done.stdout.splitlines()]
 
 
 def test_the_small_installation_has_the_bounds_of_the_whole_one() -> None:

@@ -218,8 +218,8 @@ def test_stretches_are_reported_as_they_come_and_join_to_the_motion_of_one_call(
 ) -> None:
     cell, nominal, true, _ = machine("irb2400")
     shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
-    whole = reference_path(cell.robot, nominal, shape, duration=50.0, dwell=2.0, stops=0, step=0.01)
-    path = ReferencePath(*(part[:1001] for part in vars(whole).values()))  # 10 s
+    fifty = reference_path(cell.robot, nominal, shape, duration=50.0, dwell=2.0, stops=0, step=0.01)
+    path = ReferencePath(**{name: part[:1001] for name, part in vars(fifty).items()})  # 10 s
     effects = plant_effects(PlantErrors.model_validate(EFFECTS["everything"]), cell, seed=1)
     stretches: list[tuple[np.ndarray, ...]] = []
     plant = Plant(cell, true, effects, cell.robot.servo["soft"])
