@@ -145,8 +145,9 @@ def begin_in_copy(work: Callable[..., object], *arguments: object) -> Callable[[
     where the work or its copy fails, it is done in this process when the result is asked for.
     """
     here = partial(work, *arguments)
-    alone = sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2
-    if alone or multiprocessing.current_process().daemon:
+    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2:
+        return here
+    if multiprocessing.current_process().daemon:
         return here
     receiving, sending = multiprocessing.Pipe(duplex=False)
     kind, arguments = multiprocessing.get_context("fork").Process, (_send, (sending, here))
